@@ -108,7 +108,7 @@ def find_boom_dumps(
     spans = [
         trim_span_to_standstills(span, t_ns[stands], reach[stands])
         for span in group_boom_out_times_into_dumps(
-            t_ns[out & slow], inside_ns, t_ns[driving & ~out]
+            t_ns[out & slow], inside_ns, t_ns[driving & (reach < LIMITS.boom_in_fraction)]
         )
     ]
     spans = drop_truncated_dump(spans, inside_ns, int(t_ns[-1]))

@@ -45,6 +45,8 @@ class CycleLimits:
     boom_upward_fraction: float = 0.4
     #: Fraction of its reach in a middling dump beyond which a boom is out,
     boom_out_fraction: float = 0.5
+    #: below which it has returned for certain: half of that,
+    boom_in_fraction: float = 0.25
     #: and from which it is as far out as it gets.
     boom_up_fraction: float = 0.9
     #: Time in ns after that when a bucket is half empty, however long the boom stays up.

@@ -87,18 +87,26 @@ def find_pitch_factor(inputs: FindingInputs) -> tuple[float, float]:
     if blocks is None or not inputs.select_measured_channels(_PITCH):
         return 1.0, 1.0
     gravity_m_s2 = inputs.machine.machine.gravity_m_s2
+    with_gravity = blocks.imu_m_s2 + gravity_m_s2 * np.sin(blocks.pitch_rad)
     known = np.column_stack([blocks.wheels_m_s2, np.ones(blocks.wheels_m_s2.size)])
 
     def compute_mean_square_of_rest(factor: float) -> float:
-        change = np.sin(factor * blocks.pitch_rad) - np.sin(blocks.pitch_rad)
-        rest = blocks.imu_m_s2 - gravity_m_s2 * change
-        rest = rest - known @ np.linalg.lstsq(known, rest, rcond=None)[0]
+        rest = with_gravity - gravity_m_s2 * np.sin(factor * blocks.pitch_rad)
+        rest -= known @ np.linalg.lstsq(known, rest)[0]
         return float((rest**2).mean())
 
-    present = compute_mean_square_of_rest(1.0)
-    left = {factor: compute_mean_square_of_rest(factor) / present for factor in PITCH_FACTORS}
+    # a wrong pitch is worse than none, but that alone does not say how to correct it
+    present, without = compute_mean_square_of_rest(1.0), compute_mean_square_of_rest(0.0)
+    if present < CHANNEL_LIMITS.pitch_min_rest_m_s2**2:
+        return 1.0, 1.0
+    left = {factor: compute_mean_square_of_rest(factor) for factor in PITCH_FACTORS}
     best = min(left, key=left.__getitem__)
-    return (best, left[best]) if left[best] < CHANNEL_LIMITS.pitch_left_1 else (1.0, 1.0)
+    slopes = np.column_stack([known, gravity_m_s2 * np.sin(best * blocks.pitch_rad)])
+    slope = float(np.linalg.lstsq(slopes, with_gravity)[0][-1])
+    is_clear = left[best] < CHANNEL_LIMITS.pitch_left_1 * min(present, without)
+    if not is_clear or abs(slope - 1.0) > CHANNEL_LIMITS.pitch_slope_tolerance_1:
+        return 1.0, 1.0
+    return best, left[best] / present
 
 
 def fit_imu_to_wheel_acceleration_gain_and_std(inputs: FindingInputs) -> tuple[float, float] | None:

@@ -132,14 +132,19 @@ def does_machine_stand_between(
 
 
 def find_saturation(inputs: FindingInputs) -> list[Symptom]:
-    """Find force readings that accumulate at an extreme value, or a speed that stays at one."""
+    """Find force readings that accumulate at an extreme value, and a speed that stays at one."""
+    return [*find_clipped_force(inputs), *find_speed_stuck_at_its_largest(inputs)]
+
+
+def find_clipped_force(inputs: FindingInputs) -> list[Symptom]:
+    """Find force readings that accumulate at an extreme value."""
     signals = inputs.check_inputs.signals
     if signals is None or not (clipped := signals.clipped_fraction_and_limit_by_channel):
         return []
     name = max(clipped, key=lambda each: clipped[each][0])
     share, extreme = clipped[name]
     if not share:
-        return find_speed_stuck_at_its_largest(inputs)
+        return []
     if name in FORCES:
         count = sum(1 for each, _ in clipped.values() if each > 0.0)
         at = inputs.force_newtons_per_channel_unit(name) * abs(extreme) * max(count, 1)

@@ -55,9 +55,14 @@ class ChannelLimits:
     #: and their fewest.
     gain_min_spans: int = 50
     #: Mean square that a pitch of another sign or unit leaves of the accelerometer beside the
-    #: wheels over what it leaves as it is, below which it is wrong: 0.03 and less in drives on
-    #: slopes of 5 %, 0.9 and more where the pitch is right or the ground level.
+    #: wheels, over what it leaves as it is and what no pitch leaves, below which it is wrong: 0.03
+    #: and less in drives on slopes of 5 %,
     pitch_left_1: float = 0.25
+    #: largest difference from one of the slope of gravity by that pitch: a pitch in per cent is
+    #: 0.57 of one in degrees,
+    pitch_slope_tolerance_1: float = 0.25
+    #: and what is left as it is, r.m.s. in m/s²: a slope of 0.3°.
+    pitch_min_rest_m_s2: float = 0.05
     #: Smallest fraction that is motion of what the wheels' acceleration shows; the rest is its
     #: noise,
     gain_motion_fraction: float = 0.3

@@ -120,10 +120,15 @@ def classify_load_change(
     span = slice(boom_begin_row, boom_end_row + 1)
     arms = motion.boom_and_bucket_angles_rad
     if any(compute_finite_range(arm[span]) > LIMITS.arm_movement_rad for arm in arms):
-        is_extended = any(
-            np.nanmax(np.abs(arm[end_row : begin_row + 1] - usual_rad), initial=0.0)
-            > abs(arm[boom_begin_row] - usual_rad) + LIMITS.arm_movement_rad
+        away_rad = [
+            np.abs(arm[boom_begin_row : begin_row + 1] - usual_rad)
             for arm, usual_rad in zip(arms, find_usual_arm_angles_rad(motion), strict=True)
+        ]
+        arrival = end_row - boom_begin_row
+        is_extended = any(
+            np.nanmax(each[arrival:], initial=0.0)
+            > np.nanmin(each[: arrival + 1], initial=np.inf) + LIMITS.arm_movement_rad
+            for each in away_rad
         )
         return DUMPED if is_extended else HINTED
     silent = (

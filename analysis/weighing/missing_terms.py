@@ -102,7 +102,7 @@ class MissingTerm:
         """Whether the term is significant, and the log determines its effect on the mass."""
         # the standard deviation of the effect is effect / t, and t may be 0
         is_certain = abs(self.t) > LIMITS.certain_term_min_std
-        largest_std_kg = LIMITS.missing_term_max_effect_std[is_certain] * np.abs(fit.masses_kg)
+        largest_std_kg = LIMITS.missing_term_max_effect_std[int(is_certain)] * np.abs(fit.masses_kg)
         determined = bool((np.abs(self.effect_kg) <= largest_std_kg * abs(self.t)).all())
         if self.term is ELASTICITY:
             # no stiffness is negative

@@ -202,7 +202,9 @@ def list_level_assignments_and_log_priors(ends_in_filling: Bools) -> list[tuple[
     recurs = [own % 2 == 0, own % 2 == 1]
     # emptied in several parts, a load has more than two states, and the last one recurs
     emptied = np.append(ends_in_filling, False)
-    if emptied.sum() > 1 and not any((emptied[:-1] == each[:-1]).all() for each in recurs):
+    is_known = any((emptied[:-1] == each[:-1]).all() for each in recurs)
+    # neighbours of one level would be one state
+    if emptied.sum() > 1 and not is_known and not (emptied[1:] & emptied[:-1]).any():
         recurs.append(emptied)
     back = _THIRD - float(np.log(len(recurs)))
     return [

@@ -46,7 +46,7 @@ _TO_ANSWER = (
 )
 BRAKES_QUESTION: Final = _TO_ANSWER[1]
 _JOINT_UNIT = 'are the joints\' velocities in m/s? if they are in rad/s, scale = "wheel_radius_m"'
-_WHICH_MACHINE: Final = "which of {} this file is for: the draft takes the first"
+_WHICH_MACHINE: Final = "which of {} is meant: the draft takes the first"
 #: Channels of both sides, and the one that they make unnecessary.
 _OF_BOTH_SIDES: Final = {"speed_{}_m_s": "speed_x_m_s", "torque_{}_N_m": "force_x_N"}
 _SET_POINT: Final = "whether '{}' was measured: by its name it is a set-point, not channels.{}"
@@ -243,8 +243,8 @@ def _recognise_fields(log: Log, topics: pl.DataFrame) -> Recognition:
     by_type = propose_channels_by_message_type(machine.topics)
     found.channels += [e for e in by_type if e.column not in found.recognised_channels]
     found = recognise_fields_of_messages(log, machine.topics, found)
-    if machine.namespaces:
-        names = ", ".join(f"'{_replace_unprintable(each)}'" for each in machine.namespaces)
+    if machine.choices:
+        names = ", ".join(f"'{_replace_unprintable(each)}'" for each in machine.choices)
         found.add_question_of_subject("machine", _WHICH_MACHINE.format(names))
     filled = found.filled_or_proposed_channels
     for side_channel, whole in _OF_BOTH_SIDES.items():

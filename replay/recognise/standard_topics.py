@@ -88,12 +88,13 @@ class MachineTopics(NamedTuple):
     """Topics of one of the machines in a log.
 
     Attributes:
-        namespaces: namespaces that have the same topics, such as `/r0` and `/r1`; the first is
-            that of `topics`. Empty if the log is of one machine.
-        topics: rows of `Log.topics` without those of the other namespaces.
+        choices: namespaces of machines, such as `/r0` and `/r1`, and topics of which a machine has
+            one, such as `/gps/odom` and `/map/odom`; the first is in `topics`. Empty if there is
+            nothing to choose.
+        topics: rows of `Log.topics` without the other choices.
     """
 
-    namespaces: tuple[str, ...]
+    choices: tuple[str, ...]
     topics: pl.DataFrame
 
 
@@ -125,14 +126,17 @@ def choose_topics_of_one_machine(topics: pl.DataFrame) -> MachineTopics:
     first = max(alike, key=rank)
     own = [kind for kind, names in shared.items() if first in names]
     others = sorted(set().union(*(shared[kind] for kind in own)) - {first})
-    left_out = pl.lit(value=False)
+    left_out, choices = pl.lit(value=False), list[str]()
     for namespace in others:
         common = [kind for kind in own if namespace in shared[kind]]
         names = [_join_name(namespace, kind) for kind in common]
         left_out |= pl.col("topic").is_in(names)
         if len(common) > 1:
             left_out |= pl.col("topic").str.starts_with(f"{namespace}/")
-    return MachineTopics((first, *others), topics.filter(~left_out))
+            choices += [first, namespace]
+        else:
+            choices += [_join_name(first, common[0]), *names]
+    return MachineTopics(tuple(dict.fromkeys(choices)), topics.filter(~left_out))
 
 
 def _iter_namespaces_and_kinds(topic: str, message_type: str) -> Iterator[tuple[str, _Kind]]:

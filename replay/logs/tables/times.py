@@ -245,6 +245,9 @@ def unwrap_counter(times: RowTimes) -> RowTimes:
         missed_ns = falls + period_ns
         if not is_within or not ((missed_ns > 0) & (missed_ns <= most_ns)).all():
             continue
+        # rows that are swapped where it overflows fall twice, and rise by nearly all of it
+        if (steps > period_ns // 2).any():
+            continue
         overflows = (times.stamps.forward_fill().diff() < 0).fill_null(value=False).cum_sum()
         note = (
             f"its times are a counter that overflows at {text}, after {period_ns / 1e9:.10g} s: "

@@ -1,5 +1,6 @@
 """A small twin of `make findings`: each fault is named first, a log without one says nothing."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import polars as pl
@@ -320,26 +321,48 @@ def test_what_is_kept_of_the_frame_is_its_schema(named: Named) -> None:
     assert named(("force late", 3.0)).schema["value"] == pl.String
 
 
-#: Of a machine on hills whose pitch is read so many times as large, what is found first.
-PITCHES = {-1.0: "sign_flipped", 57.29578: "wrong_unit", 1.0: None}
+#: What a pitch is read as, as a factor, and the cause that it is.
+PITCHES = {
+    "the other sign": (-1.0, "sign_flipped"),
+    "degrees": (57.29578, "wrong_unit"),
+    "right": (1.0, None),
+    # neither: in per cent it is about 0.6 of one in degrees
+    "per cent": (100.0, None),
+    "three times as large": (3.0, None),
+}
 
 
-@pytest.mark.parametrize("factor", mark_heavy_after(2, PITCHES))
-def test_a_pitch_of_the_wrong_sign_or_in_degrees_is_named_on_hills(factor: float) -> None:
+@pytest.mark.parametrize("reading", mark_heavy_after(3, PITCHES))
+def test_a_pitch_of_the_wrong_sign_or_in_degrees_is_named_on_hills(reading: str) -> None:
+    factor, cause = PITCHES[reading]
     hills = {"terrain": {"hills_deg": 3.0, "hills_length_m": 20.0}}
-    (log,) = simulated(join_designs(design(1, odd=False), hills), ())
-    own = copy_machine_with_simulated_channels(own_machine(log.scenario, (), AXES), log)
-    pitch = own.channels["pitch_rad"].model_copy(update={"scale": factor})
-    own = own.model_copy(update={"channels": {**own.channels, "pitch_rad": pitch}})
-    findings = run([MemoryLog(log)], own).frames["findings"]
-    of_pitch = findings.filter(pl.col("channel") == "pitch_rad")
-    if PITCHES[factor] is None:
+    findings = find_with_pitch(hills, pl.col("pitch_rad") * factor)
+    of_pitch = findings.filter(channel="pitch_rad")
+    if cause is None:
         assert of_pitch.is_empty()
         return
     first = findings.row(0, named=True)
-    assert (first["cause"], first["channel"]) == (PITCHES[factor], "pitch_rad")
+    assert (first["cause"], first["channel"]) == (cause, "pitch_rad")
     assert first["setting"] == "channels.pitch_rad.scale"
-    assert float(first["value"]) == pytest.approx(1.0, rel=1e-4)
+    assert float(first["value"]) == pytest.approx(1.0 / factor, rel=1e-3)
+
+
+@pytest.mark.parametrize("wanders", mark_heavy_after(1, [True, False]))
+def test_a_pitch_that_is_only_worse_than_none_is_neither(wanders: bool) -> None:
+    """On level ground; a filter leaks the acceleration into it, or it wanders."""
+    leaked = pl.col("specific_force_x_m_s2").ewm_mean(half_life=50.0) / 10.0
+    slowly = (pl.int_range(pl.len()) / 300.0).sin() * 0.03
+    findings = find_with_pitch({}, slowly if wanders else leaked)
+    assert findings.filter(channel="pitch_rad").is_empty()
+
+
+def find_with_pitch(sections: dict[str, dict[str, float]], pitch_rad: pl.Expr) -> pl.DataFrame:
+    """Findings of a design whose pitch channel reads something else."""
+    (log,) = simulated(join_designs(design(1, odd=False), sections), ())
+    own = copy_machine_with_simulated_channels(own_machine(log.scenario, (), AXES), log)
+    topics = {**log.topics, "imu": log.topics["imu"].with_columns(pitch_rad=pitch_rad)}
+    read = replace(log, topics=topics)
+    return run([MemoryLog(read)], own).frames["findings"]
 
 
 def test_a_speed_that_stays_at_its_largest_reading_is_saturated(tmp_path: Path) -> None:

@@ -193,6 +193,14 @@ class TestPartitions:
         found = [state_of(levels, seed=k, effect=drive, kind=kind[:-1]) for k in range(8)]
         assert found.count(expected) >= 7
 
+    def test_fillings_in_a_row_that_load_nothing_make_no_states_of_one_level(self):
+        """A heap is pushed together after each dump, before the bucket is filled."""
+        levels = np.tile([3600.0, 3600.0, 4200.0], 6)
+        kind = ([FILLED, FILLED, DUMPED] * 6)[:-1]
+        for seed in range(4):
+            found = find_best_partitions(units(levels, seed=seed, kind=kind), SPREAD, USUAL).best
+            assert np.diff(found.level).all()
+
     @pytest.mark.heavy
     @pytest.mark.parametrize("scatter", mark_slow_after(1, [45.0, 0.0, 15.0]))
     def test_what_is_taken_for_fillings_may_tell_nothing(self, scatter):

@@ -113,8 +113,9 @@ def test_a_counter_that_overflows_goes_on_and_a_note_says_so(name: str) -> None:
         [*range(0, 65_000, 1000), *range(0, 65_000, 1000)],
         [*range(40, 65_536, 20), *range(300, 9_000, 20)],
         [*range(70_000, 135_530, 20), *range(70_000, 80_000, 20)],
+        [*range(0, 65_520, 20), 4, 65_520, *range(24, 9_000, 20)],
     ],
-    ids=["a minute", "at 1 Hz", "after a pause", "not from 0"],
+    ids=["a minute", "at 1 Hz", "after a pause", "not from 0", "swapped rows"],
 )
 def test_a_second_record_is_no_counter_that_overflows(times: list[int]) -> None:
     stamps = RowTimes(convert_times_to_ns(pl.Series(times), "ms"))

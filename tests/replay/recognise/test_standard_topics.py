@@ -96,7 +96,7 @@ def test_the_channels_are_of_one_machine_of_several_and_the_draft_asks_which(
         tmp_path, log | {("/r2/imu", "Imu"): 90, ("/r1/odom", "Odometry"): 20}
     )
     assert {topic.split("/")[1] for topic in channels.values()} == {"r1"}
-    assert "which of '/r1', '/r0', '/r2' this file is for: the draft takes the first" in questions
+    assert "which of '/r1', '/r0', '/r2' is meant: the draft takes the first" in questions
 
 
 def test_sides_and_sensors_of_one_machine_are_no_other_machines(tmp_path: Path) -> None:
@@ -112,8 +112,8 @@ def test_sides_and_sensors_of_one_machine_are_no_other_machines(tmp_path: Path) 
     )
     assert channels["specific_force_x_m_s2"] == "/left/imu"
     assert channels["speed_x_m_s"] == "/wheels/odom"
-    assert [each for each in questions if "this file" in each] == [
-        "which of '/wheels', '/camera' this file is for: the draft takes the first"
+    assert [each for each in questions if "is meant" in each] == [
+        "which of '/wheels/odom', '/camera/odom' is meant: the draft takes the first"
     ]
 
 
