@@ -6,12 +6,17 @@ loaded pass and the empty pass after it.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
 
 from analysis.cycles.cycle_limits import LIMITS
+from analysis.cycles.loaded_states import (
+    find_manoeuvres_after_digging,
+    mark_rests_of_loads_by_mass,
+)
 from analysis.model.schema import get_column_values
 from estimators.arrays import Bools, Floats, Ints
 
@@ -237,3 +242,53 @@ def mark_manoeuvres_while_dumping(start_ns: Ints, end_ns: Ints, dumps: BoomDumps
     """Mark manoeuvres during which the bucket is emptied, (manoeuvres,): their load changes."""
     dumped = np.array([each.bucket_emptied_ns for each in dumps.dumps], np.int64)
     return np.searchsorted(dumped, start_ns) < np.searchsorted(dumped, end_ns, "right")
+
+
+def find_rests_of_loads(
+    is_loaded: Bools,
+    mass_and_u_kg: tuple[Floats, Floats],
+    start_ns: Ints,
+    end_ns: Ints,
+    digging: pl.DataFrame,
+    dumps: BoomDumps,
+) -> tuple[Bools, tuple[int, ...]]:
+    """Find the manoeuvres with the rest of a load that is dumped in parts, (manoeuvres,).
+
+    The rest is lighter than the load, was not dug, and is dumped sooner than a cycle lasts. Where
+    the boom shows no dumps, the masses alone tell it.
+
+    Args:
+        is_loaded: (manoeuvres,) whether each is loaded.
+        mass_and_u_kg: (manoeuvres,) mass of the load state of each, and its random uncertainty.
+        start_ns: (manoeuvres,) start of each.
+        end_ns: (manoeuvres,) end of each.
+        digging: the frame `digging`.
+        dumps: dumps seen in the boom angle.
+
+    Returns:
+        Whether each manoeuvre carries a rest, and the times in ns at which rests are dumped.
+    """
+    if not dumps.shows_dumps:
+        return mark_rests_of_loads_by_mass(is_loaded, mass_and_u_kg, start_ns, end_ns, digging), ()
+    rests = np.zeros(is_loaded.size, np.bool_)
+    dumped_ns = np.array([each.bucket_emptied_ns for each in dumps.dumps], np.int64)
+    middle_ns = (start_ns + end_ns) // 2
+    between = [(middle_ns > t) & (middle_ns < to) for t, to in pairwise(dumped_ns)]
+    whole = [bool((~is_loaded[each]).any() and is_loaded[each].any()) for each in between]
+    if sum(whole) < LIMITS.filling_min_cycles:
+        return rests, ()
+    times_ns: list[int] = []
+    usual_ns = float(np.median(np.diff(dumped_ns)[whole]))
+    dug_after = find_manoeuvres_after_digging(middle_ns, digging)
+    mass_kg, u_kg = mass_and_u_kg
+    for last in find_load_change_indices_at_dumps(is_loaded, start_ns, end_ns, dumps):
+        first = last + 1
+        at = int(np.searchsorted(dumped_ns, start_ns[first]))
+        apart_kg = LIMITS.other_load_std * float(np.hypot(u_kg[last], u_kg[first]))
+        is_lighter = mass_kg[first] < mass_kg[last] - apart_kg
+        if not is_lighter or first in dug_after or not 0 < at < dumped_ns.size:
+            continue
+        if dumped_ns[at] - dumped_ns[at - 1] < LIMITS.rest_max_cycles * usual_ns:
+            rests |= is_loaded & (middle_ns > dumped_ns[at - 1]) & (middle_ns < dumped_ns[at])
+            times_ns.append(int(dumped_ns[at]))
+    return rests, tuple(times_ns)

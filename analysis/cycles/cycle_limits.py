@@ -197,6 +197,8 @@ class CycleLimits:
     own_spread_min_states: int = 4
     #: Standard deviations by which the states of a pass differ if the load changes on the way.
     other_load_std: float = 3.0
+    #: Largest fraction of a load that is spilled on a haul: 0.1 to 0.25 are usual.
+    spilled_max_fraction: float = 0.35
     #: Time from dump to dump, in usual cycles, below which the second one dumps the rest of a load.
     rest_max_cycles: float = 0.6
     #: Fraction of loads with digging from which digging shows fillings.

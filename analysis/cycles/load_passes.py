@@ -5,7 +5,6 @@ loaded from empty (spillage, a state split in two) belong to one pass.
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -16,6 +15,7 @@ from analysis.cycles.boom_dumps import (
     BoomDumps,
     find_boom_dumps,
     find_load_change_indices_at_dumps,
+    find_rests_of_loads,
     mark_manoeuvres_while_dumping,
 )
 from analysis.cycles.cycle_limits import LIMITS
@@ -143,15 +143,11 @@ def find_load_passes(
     loaded = classify_loaded_states(first_kg, u_kg, state, (begin, end), digging)
     if loaded is None:
         return None
-    of_state = loaded[state]
-    dumps, rest_dumped_ns = NO_DUMPS, tuple[int, ...]()
+    of_state, dumps, rest_dumped_ns = loaded[state], NO_DUMPS, tuple[int, ...]()
     if aligned is not None and excitation is not None:
-        emptied = np.flatnonzero(of_state[:-1] & ~of_state[1:])
-        # a machine that creeps to the dump may empty its bucket before the manoeuvre ends
-        known = [(int(begin[k]), int(begin[k + 1])) for k in emptied]
-        dumps = find_boom_dumps(aligned, excitation, known)
-        of_state = correct_loaded_flags_at_dumps(of_state, begin, end, digging, dumps)
         of_manoeuvre = mass_kg[state] - step_kg[state], u_kg[state]
+        dumps = find_dumps_of_loads(of_state, begin, aligned, excitation)
+        of_state = correct_loaded_flags_at_dumps(of_state, begin, end, digging, dumps)
         rests, rest_dumped_ns = find_rests_of_loads(
             of_state, of_manoeuvre, begin, end, digging, dumps
         )
@@ -201,6 +197,16 @@ def find_load_passes(
         np.broadcast_to(drift_1, mass_kg.shape)[state[first]],
         step_kg[state[first]],
     )
+
+
+def find_dumps_of_loads(
+    is_loaded: Bools, start_ns: Ints, aligned: pl.DataFrame, excitation: pl.DataFrame
+) -> BoomDumps:
+    """Find the dumps of the boom, given the manoeuvres between which the masses show one."""
+    emptied = np.flatnonzero(is_loaded[:-1] & ~is_loaded[1:])
+    # a machine that creeps to the dump may empty its bucket before the manoeuvre ends
+    known = [(int(start_ns[k]), int(start_ns[k + 1])) for k in emptied]
+    return find_boom_dumps(aligned, excitation, known)
 
 
 def split_states_at_step(state: Ints, step: EmptyMassStep | None) -> tuple[Ints, Floats]:
@@ -320,54 +326,6 @@ def correct_loaded_flags_at_dumps(
     return moved
 
 
-def find_rests_of_loads(
-    is_loaded: Bools,
-    mass_and_u_kg: tuple[Floats, Floats],
-    start_ns: Ints,
-    end_ns: Ints,
-    digging: pl.DataFrame,
-    dumps: BoomDumps,
-) -> tuple[Bools, tuple[int, ...]]:
-    """Find the manoeuvres with the rest of a load that is dumped in parts, (manoeuvres,).
-
-    The rest is lighter than the load, was not dug, and is dumped sooner than a cycle lasts.
-
-    Args:
-        is_loaded: (manoeuvres,) whether each is loaded.
-        mass_and_u_kg: (manoeuvres,) mass of the load state of each, and its random uncertainty.
-        start_ns: (manoeuvres,) start of each.
-        end_ns: (manoeuvres,) end of each.
-        digging: the frame `digging`.
-        dumps: dumps seen in the boom angle.
-
-    Returns:
-        Whether each manoeuvre carries a rest, and the times in ns at which rests are dumped.
-    """
-    rests = np.zeros(is_loaded.size, np.bool_)
-    dumped_ns = np.array([each.bucket_emptied_ns for each in dumps.dumps], np.int64)
-    middle_ns = (start_ns + end_ns) // 2
-    between = [(middle_ns > t) & (middle_ns < to) for t, to in pairwise(dumped_ns)]
-    whole = [bool((~is_loaded[each]).any() and is_loaded[each].any()) for each in between]
-    times_ns: list[int] = []
-    if sum(whole) < LIMITS.filling_min_cycles:
-        return rests, ()
-    usual_ns = float(np.median(np.diff(dumped_ns)[whole]))
-    dug_ns = (digging["start_t_ns"].to_numpy() + digging["end_t_ns"].to_numpy()) // 2
-    dug_after = np.searchsorted(middle_ns, dug_ns)
-    mass_kg, u_kg = mass_and_u_kg
-    for last in find_load_change_indices_at_dumps(is_loaded, start_ns, end_ns, dumps):
-        first = last + 1
-        at = int(np.searchsorted(dumped_ns, start_ns[first]))
-        apart_kg = LIMITS.other_load_std * float(np.hypot(u_kg[last], u_kg[first]))
-        is_lighter = mass_kg[first] < mass_kg[last] - apart_kg
-        if not is_lighter or first in dug_after or not 0 < at < dumped_ns.size:
-            continue
-        if dumped_ns[at] - dumped_ns[at - 1] < LIMITS.rest_max_cycles * usual_ns:
-            rests |= is_loaded & (middle_ns > dumped_ns[at - 1]) & (middle_ns < dumped_ns[at])
-            times_ns.append(int(dumped_ns[at]))
-    return rests, tuple(times_ns)
-
-
 def mark_other_loads_of_passes(
     has_load: Bools,
     is_loaded: Bools,
@@ -389,7 +347,7 @@ def mark_other_loads_of_passes(
         mass_kg: (states,) mass of each state.
         u_kg: (states,) random uncertainty of each mass.
     """
-    other = np.zeros(pass_of_manoeuvre.size, np.bool_)
+    other = np.zeros(state.size, np.bool_)
     for number in np.unique(pass_of_manoeuvre[has_load]):
         inside = has_load & (pass_of_manoeuvre == number)
         of_pass = state[inside]

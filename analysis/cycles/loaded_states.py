@@ -138,3 +138,54 @@ def find_threshold_between_medians(values: Floats) -> float:
         for k in range(1, order.size)
     ]
     return float(middles[int(np.argmin(sums))])
+
+
+def mark_rests_of_loads_by_mass(
+    is_loaded: Bools,
+    mass_and_u_kg: tuple[Floats, Floats],
+    start_ns: Ints,
+    end_ns: Ints,
+    digging: pl.DataFrame,
+) -> Bools:
+    """Mark the manoeuvres with the rest of a load that is dumped in parts, (manoeuvres,).
+
+    For a log whose boom shows no dumps: a load that loses more than is ever spilled has been
+    dumped in part, and the rest is no load of its own.
+
+    Args:
+        is_loaded: (manoeuvres,) whether each is loaded.
+        mass_and_u_kg: (manoeuvres,) mass of the load state of each, and its random uncertainty.
+        start_ns: (manoeuvres,) start of each.
+        end_ns: (manoeuvres,) end of each.
+        digging: the frame `digging`.
+    """
+    rests = np.zeros(is_loaded.size, np.bool_)
+    mass_kg, u_kg = mass_and_u_kg
+    if is_loaded.all() or not is_loaded.any():
+        return rests
+    empty_kg = float(np.median(mass_kg[~is_loaded]))
+    begins = is_loaded.copy()
+    begins[1:] &= ~is_loaded[:-1]
+    dug_after = find_manoeuvres_after_digging((start_ns + end_ns) // 2, digging)
+    begins[dug_after[dug_after < begins.size]] = True
+    haul = np.cumsum(begins)
+    for number in np.unique(haul[is_loaded]):
+        inside = np.flatnonzero(haul == number)
+        loaded = inside[is_loaded[inside]]
+        heaviest = loaded[np.argmax(mass_kg[loaded])]
+        payload_kg = mass_kg[heaviest] - empty_kg
+        # a rest may be so light that it is taken for the empty machine
+        carries = is_loaded | (mass_kg - empty_kg > LIMITS.spilled_max_fraction * payload_kg)
+        last = inside[carries[inside]][-1]
+        apart_kg = LIMITS.other_load_std * float(np.hypot(u_kg[heaviest], u_kg[last]))
+        most_kg = max(apart_kg, LIMITS.spilled_max_fraction * payload_kg)
+        if mass_kg[heaviest] - mass_kg[last] > most_kg:
+            whole = loaded[mass_kg[loaded] > mass_kg[heaviest] - apart_kg]
+            rests[loaded[loaded > whole[-1]]] = True
+    return rests
+
+
+def find_manoeuvres_after_digging(middle_ns: Ints, digging: pl.DataFrame) -> Ints:
+    """First manoeuvre after each digging start, (digging starts,), by the manoeuvres' middles."""
+    dug_ns = (digging["start_t_ns"].to_numpy() + digging["end_t_ns"].to_numpy()) // 2
+    return np.searchsorted(middle_ns, dug_ns)

@@ -190,6 +190,17 @@ def test_a_load_that_is_dumped_in_two_parts_is_dumped_whole() -> None:
     assert table["carry_back_kg"].to_list() == pytest.approx([0.0] * len(LOADS))
 
 
+def test_a_load_that_is_dumped_in_two_parts_without_a_boom_is_dumped_whole() -> None:
+    """Every payload was that of the second part: 6.163 ± 0.166 t of 7.634."""
+    frames = drawn_shift(LOADS)
+    cycles = [1, 4, 6]
+    second = [list_first_loaded_starts(frames)[cycle] + 1 for cycle in cycles]
+    halves = with_another_load(frames, second, [-LOADS[cycle] / 2.0 for cycle in cycles])
+    table = found(halves)
+    assert table["payload_kg"].to_list() == pytest.approx(LOADS)
+    assert table["carry_back_kg"].to_list() == pytest.approx([0.0] * len(LOADS))
+
+
 def test_without_boom_and_digging_the_rhythm_shows_a_cycle_whose_load_no_start_tells() -> None:
     frames = drawn_shift(LOADS * 2, digs=False, unseen=(5,))
     row = summed(frames)
