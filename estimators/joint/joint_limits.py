@@ -77,6 +77,8 @@ class JointLimits:
     #: known as well as so many cycles would tell it: where a driver mostly dumps in two parts,
     #: seven cycles pay for that as two or three would at a known probability,
     usual_emptying_cycles: float = 4.0
+    #: of which the level is not the lightest if another is so many standard deviations lighter,
+    lighter_level_std: float = 2.0
     #: and how much likelier an emptying is where something else tells a change, and where a boom
     #: is extended than where it only moves.
     hinted_emptying_ratio: float = 20.0

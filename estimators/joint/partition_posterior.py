@@ -12,7 +12,7 @@ each unit are equivalent, and only the size distinguishes them.
 """
 
 from dataclasses import dataclass
-from typing import Final, Self
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 from scipy.linalg.lapack import dposv
@@ -60,18 +60,32 @@ class Partition:
         return self.state.size - int(self.level.max()) - 1
 
 
+class LevelAssignment(NamedTuple):
+    """A way in which levels recur in a partition.
+
+    Attributes:
+        log_probability: log prior probability.
+        level: (stretches,) index of each stretch's level.
+        has_lightest_first: whether it applies only if the first level is the smallest.
+    """
+
+    log_probability: float
+    level: Ints
+    has_lightest_first: bool = False
+
+
 @dataclass(frozen=True, slots=True)
 class Stretches:
     """Stretches of a partition, with prior probabilities.
 
     Attributes:
         state: (n,) stretch number of each unit, ascending from 0.
-        levels: possible level indices, (stretches,), each with its log probability.
+        levels: possible assignments of levels to the stretches.
         log_prior: log prior probability of the partition.
     """
 
     state: Ints
-    levels: list[tuple[float, Ints]]
+    levels: list[LevelAssignment]
     log_prior: float
 
     @classmethod
@@ -80,7 +94,7 @@ class Stretches:
         has_change = np.diff(state_of_unit) > 0
         return cls(
             state_of_unit,
-            list_level_assignments_and_log_priors(change_kinds[has_change] == FILLED),
+            list_level_assignments(change_kinds[has_change] == FILLED),
             compute_log_prior_of_changes(change_kinds, has_change),
         )
 
@@ -123,10 +137,12 @@ class PartitionPosterior:
         """Partition with its best levels and effects, and its log posterior."""
         by_state = self._sum_equations_by_state(stretches.state)
         best, logs = None, []
-        for weight, level in stretches.levels:
-            log, levels, effects = self._integrate_levels_and_effects_out(
-                sum_by_level(by_state, level)
-            )
+        for weight, level, has_lightest_first in stretches.levels:
+            sums = sum_by_level(by_state, level)
+            log, levels, effects = self._integrate_levels_and_effects_out(sums)
+            apart = LIMITS.lighter_level_std * np.sqrt(1.0 / sums[:, 0] + 1.0 / sums[0, 0])
+            if has_lightest_first and (levels < levels[0] - apart).any():
+                continue
             logs.append(weight + log)
             if best is None or logs[-1] > best[0]:
                 best = logs[-1], levels[level], level, effects
@@ -190,15 +206,15 @@ def solve_with_log_determinant(
     return solution, 2.0 * float(np.log(factor.diagonal()).sum())
 
 
-def list_level_assignments_and_log_priors(ends_in_filling: Bools) -> list[tuple[float, Ints]]:
-    """Possible level indices of the states, (states,), each with its log probability.
+def list_level_assignments(ends_in_filling: Bools) -> list[LevelAssignment]:
+    """Possible assignments of levels to the stretches of a partition.
 
     Args:
-        ends_in_filling: (states - 1,) whether each state but the last ends where it is filled.
+        ends_in_filling: (stretches - 1,) whether each stretch but the last ends at a filling.
     """
     own = np.arange(ends_in_filling.size + 1)
     if own.size <= 2:
-        return [(0.0, own)]
+        return [LevelAssignment(0.0, own)]
     recurs = [own % 2 == 0, own % 2 == 1]
     # emptied in several parts, a load has more than two states, and the last one recurs
     emptied = np.append(ends_in_filling, False)
@@ -208,9 +224,17 @@ def list_level_assignments_and_log_priors(ends_in_filling: Bools) -> list[tuple[
         recurs.append(emptied)
     back = _THIRD - float(np.log(len(recurs)))
     return [
-        (_THIRD, own),
-        (_THIRD, own % 2),
-        *((back, np.unique(np.where(each, -1, own), return_inverse=True)[1]) for each in recurs),
+        LevelAssignment(_THIRD, own),
+        LevelAssignment(_THIRD, own % 2),
+        *(
+            LevelAssignment(
+                back,
+                np.unique(np.where(each, -1, own), return_inverse=True)[1],
+                # nothing is lighter than what is emptied before it is filled
+                has_lightest_first=each is emptied,
+            )
+            for each in recurs
+        ),
     ]
 
 
