@@ -66,7 +66,7 @@ class LevelAssignment(NamedTuple):
     Attributes:
         log_probability: log prior probability.
         level: (stretches,) index of each stretch's level.
-        has_lightest_first: whether it applies only if the first level is the smallest.
+        has_lightest_first: whether it applies only if no level is clearly below the first.
     """
 
     log_probability: float
