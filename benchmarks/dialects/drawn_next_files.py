@@ -207,7 +207,6 @@ def _times() -> list[DialectFile]:
             "a counter of milliseconds of sixteen bits",
             lines(["Time [ms]," + head], [as_integers((T_S * 1000) % 65536), speed, force]),
             fields,
-            keys=("log.rate_hz=50",),
         ),
         DialectFile(
             "week and seconds of GPS",
