@@ -35,8 +35,7 @@ def label_state_loaded_by_digging(
     label = np.full(mass_kg.size, -1)
     # a manoeuvre that digs is empty if most of it is before the digging
     middle_ns = (start_ns + end_ns) // 2
-    for start, stop in digging.select("start_t_ns", "end_t_ns").iter_rows():
-        after = int(np.searchsorted(middle_ns, (start + stop) // 2))
+    for after in find_manoeuvres_after_digging(middle_ns, digging).tolist():
         before = after - 1
         if before < 0 or after >= state.size:
             continue

@@ -44,6 +44,13 @@ class WheelAndImuBlocks(NamedTuple):
     rows: int
 
 
+class PitchCorrection(NamedTuple):
+    """Factor that corrects a pitch, and the mean square of what is left with it over before."""
+
+    factor: float
+    left_1: float
+
+
 def average_wheels_and_imu_while_driving(inputs: FindingInputs) -> WheelAndImuBlocks | None:
     """Means of the wheels' acceleration and the accelerometer; None if the log has too few."""
     if ACC not in inputs.aligned.columns or not inputs.select_measured_channels(ACC):
@@ -76,16 +83,22 @@ def average_wheels_and_imu_while_driving(inputs: FindingInputs) -> WheelAndImuBl
     return WheelAndImuBlocks(x[used], y[used], pitch[used], size)
 
 
-def find_pitch_factor(inputs: FindingInputs) -> tuple[float, float]:
-    """Factor of the pitch with which the accelerometer fits the wheels, if it does not as it is.
+def find_pitch_correction(inputs: FindingInputs) -> PitchCorrection | None:
+    """Find the factor of the pitch with which the accelerometer fits the wheels.
 
     Returns:
-        The factor, 1 if the pitch fits or another one is not clear, and the mean square of what is
-        left with it over that without it.
+        The correction; None if the pitch fits as it is, or what corrects it is not clear.
     """
+    if "pitch correction" not in inputs.cache:
+        inputs.cache["pitch correction"] = fit_pitch_correction(inputs)
+    return inputs.cache["pitch correction"]  # type: ignore[return-value]
+
+
+def fit_pitch_correction(inputs: FindingInputs) -> PitchCorrection | None:
+    """The same, computed from the log."""
     blocks = average_wheels_and_imu_while_driving(inputs)
     if blocks is None or not inputs.select_measured_channels(_PITCH):
-        return 1.0, 1.0
+        return None
     gravity_m_s2 = inputs.machine.machine.gravity_m_s2
     with_gravity = blocks.imu_m_s2 + gravity_m_s2 * np.sin(blocks.pitch_rad)
     known = np.column_stack([blocks.wheels_m_s2, np.ones(blocks.wheels_m_s2.size)])
@@ -98,15 +111,15 @@ def find_pitch_factor(inputs: FindingInputs) -> tuple[float, float]:
     # a wrong pitch is worse than none, but that alone does not say how to correct it
     present, without = compute_mean_square_of_rest(1.0), compute_mean_square_of_rest(0.0)
     if present < CHANNEL_LIMITS.pitch_min_rest_m_s2**2:
-        return 1.0, 1.0
+        return None
     left = {factor: compute_mean_square_of_rest(factor) for factor in PITCH_FACTORS}
     best = min(left, key=left.__getitem__)
     slopes = np.column_stack([known, gravity_m_s2 * np.sin(best * blocks.pitch_rad)])
     slope = float(np.linalg.lstsq(slopes, with_gravity)[0][-1])
     is_clear = left[best] < CHANNEL_LIMITS.pitch_left_1 * min(present, without)
     if not is_clear or abs(slope - 1.0) > CHANNEL_LIMITS.pitch_slope_tolerance_1:
-        return 1.0, 1.0
-    return best, left[best] / present
+        return None
+    return PitchCorrection(best, left[best] / present)
 
 
 def fit_imu_to_wheel_acceleration_gain_and_std(inputs: FindingInputs) -> tuple[float, float] | None:

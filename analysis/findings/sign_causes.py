@@ -6,7 +6,8 @@ from typing import Final
 import numpy as np
 
 from analysis.findings.accelerometer_response import (
-    find_pitch_factor,
+    PitchCorrection,
+    find_pitch_correction,
     fit_imu_to_wheel_acceleration_gain_and_std,
 )
 from analysis.findings.cause import Symptom
@@ -48,9 +49,9 @@ _FORCE_UNITS: Final = {
 
 def find_flipped_sign(inputs: FindingInputs) -> list[Symptom]:
     """Find a channel or side whose sign contradicts the others."""
-    factor, left_1 = find_pitch_factor(inputs)
-    if factor != 1.0:  # whatever else then contradicts the accelerometer
-        return find_wrong_pitch(inputs, factor, left_1) if factor == -1.0 else []
+    pitch = find_pitch_correction(inputs)
+    if pitch is not None:  # whatever else then contradicts the accelerometer
+        return [make_pitch_symptom(inputs, pitch)] if pitch.factor == -1.0 else []
     found = [*_find_flipped_axis(inputs), *_find_flipped_side(inputs)]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
@@ -143,28 +144,20 @@ def _find_flipped_side(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def find_wrong_pitch(inputs: FindingInputs, factor: float, left_1: float) -> list[Symptom]:
-    """Propose the factor of a pitch that contradicts accelerometer and wheels.
-
-    Args:
-        inputs: the log.
-        factor: factor with which the pitch agrees with them.
-        left_1: fraction of the contradiction, as a mean square, that is left with it.
-    """
-    setting, value = inputs.propose_scale_settings(("pitch_rad",), factor)
+def make_pitch_symptom(inputs: FindingInputs, pitch: PitchCorrection) -> Symptom:
+    """Propose the factor of a pitch that contradicts accelerometer and wheels."""
+    setting, value = inputs.propose_scale_settings(("pitch_rad",), pitch.factor)
     reading = " and ".join(
-        ["in degrees"] * (abs(factor) < 1.0) + ["with the other sign"] * (factor < 0.0)
+        ["in degrees"] * (abs(pitch.factor) < 1.0) + ["with the other sign"] * (pitch.factor < 0.0)
     )
-    return [
-        Symptom(
-            LIMITS.sign_rank,
-            f"taken {reading}, the pitch explains all but {left_1:.1%} of what accelerometer and "
-            "wheels differ by (mean square)",
-            channel="pitch_rad",
-            setting=setting,
-            value=value,
-        )
-    ]
+    return Symptom(
+        LIMITS.sign_rank,
+        f"taken {reading}, the pitch explains all but {pitch.left_1:.1%} of what accelerometer and "
+        "wheels differ by (mean square)",
+        channel="pitch_rad",
+        setting=setting,
+        value=value,
+    )
 
 
 def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:
@@ -209,9 +202,9 @@ def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:
 
 def find_wrong_channel_unit(inputs: FindingInputs) -> list[Symptom]:
     """Find ratios of speed, acceleration and force that match a common unit conversion."""
-    factor, left_1 = find_pitch_factor(inputs)
-    if factor != 1.0:
-        return [] if factor == -1.0 else find_wrong_pitch(inputs, factor, left_1)
+    pitch = find_pitch_correction(inputs)
+    if pitch is not None:
+        return [] if pitch.factor == -1.0 else [make_pitch_symptom(inputs, pitch)]
     # a mass off by a unit ratio may be due to the unit of the acceleration
     found = (
         _find_wrong_unit_by_gravity(inputs)

@@ -10,7 +10,15 @@ from analysis.weighing.fitted_stretches import (
 )
 from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
-from estimators.joint.unit_levels import DUMPED, FILLED, HINTED, NAMED, RESTARTED, TURNED
+from estimators.joint.unit_levels import (
+    BY_IMPLEMENT,
+    DUMPED,
+    FILLED,
+    HINTED,
+    NAMED,
+    RESTARTED,
+    TURNED,
+)
 
 
 @cache_on_samples
@@ -89,7 +97,7 @@ def classify_load_change_evidence(motion: MotionSamples) -> Ints:
     # the bucket is in front: the machine arrives, fills or empties it, and backs out
     arrives, leaves = motion.direction[used[last[:-1]]], motion.direction[used[first[1:]]]
     backs_out = (kind == 1) & (arrives > 0.0) & (leaves < 0.0)
-    seen = np.isin(kind, (HINTED, DUMPED, FILLED)).any()
+    seen = np.isin(kind, BY_IMPLEMENT).any()
     kind = np.where(backs_out & ~seen, TURNED, kind)
     return np.zeros_like(kind) if motion.has_single_load else kind
 

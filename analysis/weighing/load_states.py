@@ -15,7 +15,7 @@ from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
 from estimators.joint.changepoints import Partitions, find_best_partitions
 from estimators.joint.partition_posterior import Partition, PartitionPosterior, Stretches
 from estimators.joint.random_intercepts import RandomIntercepts
-from estimators.joint.unit_levels import DUMPED, FILLED, HINTED, UnitLevels
+from estimators.joint.unit_levels import BY_IMPLEMENT, UnitLevels
 
 
 @dataclass(frozen=True)
@@ -329,9 +329,7 @@ def estimate_or_assume_mass_scatter_about_states(
     is_small = np.abs(np.diff(partition.levels)) < LIMITS.small_change_repeatabilities * usual_kg
     # a load that recurs is not new, and digging, boom or bucket are other evidence of a change
     is_new = np.isin(np.arange(begins.size + 1), np.unique(partition.level, return_index=True)[1])
-    by_masses = ~np.isin(change_kinds, (HINTED, DUMPED, FILLED)).any() & (
-        change_kinds[begins - 1] == 1
-    )
+    by_masses = ~np.isin(change_kinds, BY_IMPLEMENT).any() & (change_kinds[begins - 1] == 1)
     small_changes = int(np.count_nonzero(is_small & is_new[1:] & by_masses))
     degrees_of_freedom = partition.degrees_of_freedom - small_changes
     if not small_changes or degrees_of_freedom >= LIMITS.scatter_min_degrees_of_freedom:

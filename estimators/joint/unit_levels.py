@@ -20,6 +20,8 @@ HINTED: Final = 4
 DUMPED: Final = 5
 FILLED: Final = 6
 NAMED: Final = 7
+#: Those of them that boom, bucket or digging show.
+BY_IMPLEMENT: Final = (HINTED, DUMPED, FILLED)
 
 
 @dataclass(frozen=True, slots=True)
