@@ -101,6 +101,7 @@ def coverage(mass, std):
     return np.mean(np.abs(mass - TRUE_KG) < 1.96 * std)
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     # 200 segments tell a share of 0.95 to within 0.015 (one sigma)
     ("seeds", "starts", "segments", "least", "most"),

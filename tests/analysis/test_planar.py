@@ -47,6 +47,7 @@ def stages():
     return whole()
 
 
+@pytest.mark.heavy
 def test_the_centre_of_mass_is_found_from_arcs_and_from_all_motion(stages):
     kinds = stages["planar"]["kind"].to_list()
     assert kinds == ["arc", "arc", "arc", "arcs", "joint"]
@@ -202,6 +203,7 @@ def test_an_arc_that_promises_too_little_is_refused_with_its_promise():
         assert all(row[name] is None for name in TOLD)
 
 
+@pytest.mark.heavy
 def test_a_log_that_cannot_weigh_tells_no_centre_of_mass():
     said = sensors(starts() + spins() + arcs()).with_columns(pl.col("force_x_N").abs())
     table = replayed(said, machine(**POOLED))["planar"]
@@ -257,6 +259,7 @@ def test_all_motion_is_told_about_an_origin_that_spins_do_not_turn_about():
     assert agrees(row, "inertia_z_kg_m2", "inertia_z_std_kg_m2", LOADER[1])
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     ("ahead_m", "body"),
     mark_heavy_after(1, [(0.15, {}), (0.15, {"track_width_m": 1.5}), (0.6, SURVEYED)]),

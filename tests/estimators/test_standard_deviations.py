@@ -49,6 +49,7 @@ def textbook(A, f, theta):
     return np.sqrt(variance * np.diag(np.linalg.inv(A.T @ A)))
 
 
+@pytest.mark.heavy
 def test_nominal_95_percent_intervals_of_segments_cover_0_92_to_0_97_where_the_textbooks_miss():
     covered, covered_by_textbook = [], []
     for seed in range(200):

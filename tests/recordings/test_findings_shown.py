@@ -77,6 +77,7 @@ def test_the_tab_is_there_only_where_there_are_findings(drives) -> None:
     assert "Findings" not in tabs(healthy(drives(30.0)))
 
 
+@pytest.mark.heavy
 def test_findings_are_events_in_time(drives, tmp_path: Path) -> None:
     import rerun as rr
 

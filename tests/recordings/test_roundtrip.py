@@ -202,6 +202,7 @@ def test_one_frame_or_some_of_its_columns_are_read_alone_in_the_order_asked_for(
     assert some.equals(gate.select("mi_x_nat", "t_ns"))
 
 
+@pytest.mark.heavy
 def test_an_unknown_stage_or_column_is_answered_with_the_nearest_one(drives, tmp_path: Path):
     path = write_recording(drives(30.0), tmp_path / "shift.rrd")
     with pytest.raises(RecordingError, match=r"no frame 'gat'; did you mean 'gate'\?"):

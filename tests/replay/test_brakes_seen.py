@@ -41,6 +41,7 @@ def strokes(seen: float = 1.0, count: int = 14) -> pl.DataFrame:
     return pl.DataFrame({"time_s": np.arange(speed.size) / RATE_HZ, **noisy})
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("seen", mark_heavy_after(1, [1.0, 0.8, 0.5]))
 def test_brakes_that_the_force_sees_in_part_do_not_lower_the_mass(
     seen: float, tmp_path: Path

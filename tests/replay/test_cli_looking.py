@@ -92,6 +92,7 @@ class TestShow:
         for words in (["--from", 1], ["-o", recording.with_name("a.csv")], ["--format", "csv"]):
             join_to_one_line(payscope("show", recording, *words), "a frame")
 
+    @pytest.mark.heavy
     def test_a_moment_is_its_last_row_or_the_spans_that_hold_it(
         self, payscope: Payscope, recording: Path
     ) -> None:

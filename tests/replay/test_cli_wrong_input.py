@@ -270,6 +270,7 @@ class TestWrongInput:
 
 
 class TestOutputs:
+    @pytest.mark.heavy
     def test_nothing_is_overwritten_without_force(
         self, payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
     ) -> None:

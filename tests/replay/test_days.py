@@ -201,6 +201,7 @@ def test_a_time_stamp_is_checked_offline_against_the_authority(
     assert any("--tsa CA.pem" in note for note in without.notes)
 
 
+@pytest.mark.heavy
 def test_the_query_is_one_that_openssl_answers(
     made: Made, authority: Path, tmp_path: Path, payscope: Payscope
 ) -> None:

@@ -37,6 +37,7 @@ def test_level_ground_has_no_descents(tmp_path: Path) -> None:
     assert "slope" not in findings["cause"], findings
 
 
+@pytest.mark.heavy
 def test_a_drive_that_holds_an_axis_back_is_a_slope_and_no_flipped_sign(tmp_path: Path) -> None:
     """A slide that is let down 30 degrees, stroke by stroke: its drive pushes up all the while."""
     dice, mass_kg, rate_hz = np.random.default_rng(2), 140.0, 100.0

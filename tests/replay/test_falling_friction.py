@@ -14,6 +14,7 @@ def friction_sign(found: Run) -> tuple[float, bool]:
     return row["value"], row["passed"]
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("grease_N", mark_heavy_after(1, [0.0, 1_000.0, 1_500.0]))
 def test_grease_that_breaks_away_leaves_a_mass_that_is_right(
     grease_N: float, tmp_path: Path

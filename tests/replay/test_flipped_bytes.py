@@ -53,6 +53,7 @@ def assert_found(made: Made, folder: Path, name: str, places: Iterable[int]) -> 
             assert made.verify(folder).outcome is TAMPERED, (name, place)
 
 
+@pytest.mark.heavy
 def test_every_file_counts_and_a_flipped_byte_of_each_is_found(made: Made, tmp_path: Path) -> None:
     names, _ = list_bundle_files_and_faults(made.bundle)
     assert {EVIDENCE, READINGS, POINTS, RECORDING, REPORT, SUMS, STATEMENT} <= set(names)

@@ -69,6 +69,7 @@ def test_every_column_of_a_run_has_its_declared_place_and_dtype(replayed: Run) -
     assert undeclared(dict(replayed.frames)) == []
 
 
+@pytest.mark.heavy
 def test_a_recording_gives_back_the_declared_dtypes(replayed: Run, tmp_path: Path) -> None:
     write_recording(replayed, tmp_path / "run.rrd")
     assert undeclared(dict(read_recording(tmp_path / "run.rrd").frames)) == []

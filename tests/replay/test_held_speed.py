@@ -42,6 +42,7 @@ def table() -> pl.DataFrame:
     return truck.starts(seen_1=1.0)
 
 
+@pytest.mark.heavy
 def test_it_weighs_as_the_speed_of_its_sensor_does(table: pl.DataFrame, tmp_path: Path) -> None:
     """Its stairs gave a mass of about half, as the acceleration was 0 in four rows of five."""
     found = weighed(tmp_path, hold(table, 5))

@@ -46,6 +46,7 @@ def loads(folder: Path, masses_kg: list[float]) -> list[dict[str, float]]:
         return run(logs, MACHINE).frames["loads"].to_dicts()
 
 
+@pytest.mark.heavy
 def test_one_load_in_one_file_is_one_load(tmp_path: Path) -> None:
     (only,) = loads(tmp_path, [14_000.0])
     assert abs(only["mass_kg"] - 14_000.0) < 2.0 * only["u_kg"]

@@ -247,6 +247,7 @@ class TestHusky:
         assert refused.frames["masses"]["mass_kg"].null_count() == 5
         assert refused.frames["masses"]["withheld"].all()
 
+    @pytest.mark.heavy
     @pytest.mark.parametrize(
         "loose",
         [

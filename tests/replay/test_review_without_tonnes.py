@@ -73,6 +73,7 @@ def said_on_stderr(said: Said) -> str:
     return said.err.rstrip("\n")
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("case", mark_heavy_after(1, CASES))
 def test_it_is_one_line_exit_1_and_a_page_with_the_reason(
     payscope: Payscope, machine_file: Path, case: str
@@ -87,6 +88,7 @@ def test_it_is_one_line_exit_1_and_a_page_with_the_reason(
     assert not pl.read_parquet(folder / PARQUET)["counted"].any()
 
 
+@pytest.mark.heavy
 def test_a_second_review_says_the_same_without_a_replay(
     payscope: Payscope, machine_file: Path
 ) -> None:
@@ -96,6 +98,7 @@ def test_a_second_review_says_the_same_without_a_replay(
     assert "not replayed" in second.out
 
 
+@pytest.mark.heavy
 def test_json_has_the_reason_beside_what_it_has_of_every_shift(
     payscope: Payscope, machine_file: Path
 ) -> None:
@@ -105,6 +108,7 @@ def test_json_has_the_reason_beside_what_it_has_of_every_shift(
     assert found["shift"]["cycles"] == 0
 
 
+@pytest.mark.heavy
 def test_a_target_of_no_load_is_no_judgement(payscope: Payscope, machine_file: Path) -> None:
     said = payscope(*words([sledge()], machine_file), "--target", "40")
     assert said_on_stderr(said).startswith("No tonnes: ")

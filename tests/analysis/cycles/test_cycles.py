@@ -41,6 +41,7 @@ def summed(frames: dict[str, pl.DataFrame]) -> dict[str, float]:
 
 
 # thirty examples: each drives a shift of up to an hour
+@pytest.mark.heavy
 @settings(max_examples=30)
 @given(st.lists(st.floats(200.0, 1100.0), min_size=2, max_size=30))
 def test_what_is_dumped_is_the_payload_and_the_sum_is_that_of_the_shift(

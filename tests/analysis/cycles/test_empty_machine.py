@@ -63,6 +63,7 @@ class TestAGainThatNoOneKnows:
         right = [gain * each for each in payloads(replayed(1.0))]
         assert payloads(replayed(gain)) == pytest.approx(right, rel=1e-3)
 
+    @pytest.mark.heavy
     def test_is_found_with_its_uncertainty(self, gain: float):
         found = summary(replayed(gain, TICKET))
         assert abs(found["gain_1"] - gain) < 3.0 * found["gain_u_1"]
@@ -79,6 +80,7 @@ class TestAGainThatNoOneKnows:
 
 
 class TestWhatTellsTheScale:
+    @pytest.mark.heavy
     def test_nothing_where_the_machine_file_states_neither(self):
         found = summary(replayed(1.0))
         assert (found["scale_from"], found["scale_unknown"]) == ("", "force_gain")
@@ -115,6 +117,7 @@ class TestUncertainty:
         ratio = summary(wrong)["payload_kg"] / summary(right)["payload_kg"]
         assert ratio == pytest.approx(1.003, abs=1e-4)
 
+    @pytest.mark.heavy
     def test_another_machine_s_ticket_is_said_and_not_absorbed(self):
         found = replayed(1.0, TICKET, KNOWN, "machine.empty_mass_kg=110.0").frames["cycles"]
         assert found["payload_kg"].null_count() == found.height
@@ -131,6 +134,7 @@ class TestFuelOnBoard:
         "machine.fuel.density_kg_L=0.8",
     )
 
+    @pytest.mark.heavy
     def test_a_ticket_of_a_tank_less_full_is_that_of_the_log_with_the_fuel(self):
         right = replayed(1.1, TICKET)
         found = replayed(1.1, TICKET, self.LIGHTER, *self.TANK)

@@ -112,6 +112,7 @@ def test_what_may_be_a_payload_is_not_judged():
     assert log.fired == set()
 
 
+@pytest.mark.heavy
 def test_a_stated_scale_is_judged_by_itself():
     log = scaled(0.9, *SCALE_STATED)
     assert log.load["mass_kg"] is None

@@ -26,6 +26,7 @@ def starts(car: Car) -> list[tuple[float, float]]:
 class TestWheelsAgainstTheAccelerometer:
     """Judged by the mass that each says, however noisy the speed is."""
 
+    @pytest.mark.heavy
     @pytest.mark.parametrize("noise_m_s", mark_heavy_after(1, [0.01, 0.3]))
     def test_a_disagreement_that_moves_no_mass_is_told(
         self, noise_m_s: float, tmp_path: Path

@@ -180,6 +180,7 @@ def test_a_topic_whose_values_repeat_is_found_whichever_it_is(topic):
     assert log.load["withheld"]
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("name", mark_slow_after(3, CLEAN))
 def test_clean_logs_raise_no_check_and_are_weighed(name):
     log = clean(name)

@@ -18,6 +18,7 @@ BY_NAME = {fault.name: fault for fault in UNLISTED}
 SIMULATED, INDEPENDENT = 2_800_000, 2_800_001
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     ("name", "size", "seed"),
     mark_slow_after(
@@ -49,6 +50,7 @@ def test_an_unlisted_fault_is_named_first_and_shows_no_wrong_mass(
     assert not found.is_wrong, found
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     "seed",
     mark_slow_after(
@@ -102,6 +104,7 @@ def test_an_engine_that_is_off_at_a_stand_is_no_frozen_channel(seed: int) -> Non
     assert replayed.frames["findings"].is_empty()
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("is_on_boom", mark_heavy_after(1, [True, False]))
 def test_an_imu_that_turns_with_the_boom_is_found_by_gravity_along_x(is_on_boom: bool) -> None:
     log = drawn_log(INDEPENDENT)
@@ -176,6 +179,7 @@ def test_a_few_milliseconds_of_a_sound_machine_are_no_delay(seed: int) -> None:
     assert try_fault(None, 0.0, seed).causes == []
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("seed", mark_slow_after(1, [6_500_018, 6_500_004]))
 def test_a_gain_that_drifts_as_if_loads_were_taken_one_after_another_is_named(seed: int) -> None:
     assert try_fault(BY_NAME["gain drifts"], 0.2, seed).is_named(("gain_drift",))

@@ -192,6 +192,7 @@ def test_the_papers_window_accepts_and_pools_as_in_replay(two_starts):
     assert len(found["pooled"]) == 2
 
 
+@pytest.mark.heavy
 def test_a_log_that_ends_in_braking_pools_nothing_that_braking_may_claim(two_starts):
     settings = Settings(trace={"methods": EVERY}, gate={"window_samples": 60})
     braking = np.flatnonzero((two_starts["phase"] == "braking").fill_null(False).to_numpy())
@@ -221,6 +222,7 @@ def test_a_log_without_an_accelerometer_or_any_row(two_starts):
     assert list(online.finish(online.start(settings))) == []
 
 
+@pytest.mark.heavy
 def test_a_pooled_estimate_comes_when_braking_can_claim_no_sample_of_it(two_starts):
     """Braking is seen at once, so the manoeuvre that it ends is over then."""
     settings = Settings(trace={"methods": ("pooled",)})
@@ -240,6 +242,7 @@ def test_a_pooled_estimate_comes_when_braking_can_claim_no_sample_of_it(two_star
         assert begins <= k <= begins + 20
 
 
+@pytest.mark.heavy
 def test_a_step_leaves_the_state_that_it_was_given(two_starts):
     settings = Settings(trace={"methods": EVERY}, gate={"window_samples": 60})
     state = online.start(settings)

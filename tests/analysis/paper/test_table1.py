@@ -71,6 +71,7 @@ def test_the_same_seed_gives_the_same_numbers_whatever_else_is_asked_for(
     assert other["rmse_kg"][0] != few["rmse_kg"][0]
 
 
+@pytest.mark.heavy
 def test_the_papers_numbers_stand_beside_ours(drive: SteadyDrive) -> None:
     table = compute_errors_by_window_length(drive, SimulatedSensors(), 4)
     assert table["window_s"].unique(maintain_order=True).to_list() == list(

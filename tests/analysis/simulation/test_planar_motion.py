@@ -96,6 +96,7 @@ def test_with_coulomb_friction_the_rest_is_its_force_along_the_motion():
     assert np.abs(rest[:, 1]).max() <= 500.0 + 1e-6
 
 
+@pytest.mark.heavy
 def test_speeds_are_continuous_and_accelerations_are_their_rates():
     motion = solved(*ALL, terrain={"slope_deg": 2.0}, machine={**MACHINE, "coulomb_N": 300.0})
     time, run = sampled(motion, rate_hz=5000.0)
@@ -268,6 +269,7 @@ def test_braking_of_both_axes_ends_standing_each_at_its_own_time():
     assert max(last) >= 1997
 
 
+@pytest.mark.heavy
 def test_the_valves_ignore_their_dead_band_and_are_linear_beyond_it():
     swing = {**SWING, "duration_s": 12.0}
     made = {"valve_deadband_share": 0.1, "valve_lag_s": 0.001}

@@ -36,6 +36,7 @@ def assert_weighed(log: Weighed) -> None:
 
 
 class TestTerms:
+    @pytest.mark.heavy
     def test_coulomb_friction_one_way_is_in_the_constant(self):
         log = situation("Coulomb friction 300 N")
         assert_weighed(log)
@@ -148,6 +149,7 @@ class TestBraking:
         assert "braking_bias" in log.fired
         assert log.load["mass_kg"] == pytest.approx(clean().load["mass_kg"])
 
+    @pytest.mark.heavy
     def test_brakes_that_are_seen_whole_are_fitted_and_narrow_the_answer(self):
         log = weighed({"campaign": {"brake_measured_share": 1.0}}, BRAKING_AS_DRIVING)
         assert_weighed(log)

@@ -92,6 +92,7 @@ def test_a_belt_between_motor_and_mass_widens_and_is_named(tmp_path: Path, seed:
     assert "flexes" in said["evidence"]
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("seed", mark_slow_after(1, range(6)))
 def test_the_motion_of_the_mass_itself_shows_no_belt(tmp_path: Path, seed: int) -> None:
     found = weighed(logged(tmp_path / "rack.csv", seed, at_the_motor=False))

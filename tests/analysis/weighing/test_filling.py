@@ -14,6 +14,7 @@ from tests.analysis.weighing.weighed import RICH, weighed
 FILLS_KG_S = (20.0, 50.0)
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("fill_kg_s", FILLS_KG_S)
 def test_a_bucket_that_fills_moves_the_mass_and_is_evidence_in_full(fill_kg_s: float) -> None:
     fills = {"loading": {"fill_kg_s": fill_kg_s}, "starts": {"directions": "alternating"}}

@@ -137,6 +137,7 @@ def test_a_log_without_such_a_gain_has_none() -> None:
     assert log.weighing.fit.mass_count == 1
 
 
+@pytest.mark.heavy
 def test_one_turn_is_too_few_to_tell() -> None:
     few = {"campaign": {"runs": 2}}
     assert weighed(merged(RICH, few)).weighing.by_direction is None

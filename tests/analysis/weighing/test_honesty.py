@@ -52,6 +52,7 @@ def holds(load, true_kg):
     return load["withheld"] or abs(load["mass_kg"] - true_kg) <= 3.0 * load["u_kg"]
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("seed", mark_slow_after(1, SEEDS))
 @pytest.mark.parametrize("name", mark_slow_after(2, FAULTY))
 def test_a_fault_is_in_the_interval(name, seed, machine):
@@ -60,6 +61,7 @@ def test_a_fault_is_in_the_interval(name, seed, machine):
     assert holds(load, true_kg), (load["mass_kg"], load["u_kg"])
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("name", mark_heavy_after(1, HARMLESS))
 def test_what_is_harmless_is_weighed(name, machine):
     load, true_kg = weighed(Scenario.model_validate(sections(name)), machine)

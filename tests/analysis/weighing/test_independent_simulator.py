@@ -11,6 +11,7 @@ from replay import load_machine, open_log
 from replay.pipeline import run
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     ("situation", "seed"),
     [

@@ -155,6 +155,7 @@ def test_an_empty_stretch_that_is_no_load_is_said():
     assert "select none of the loads" in loads["said"][0]
 
 
+@pytest.mark.heavy
 def test_a_log_without_a_fit_has_one_state_and_no_number():
     """Force that clips in every start determines nothing."""
     log = row_log(Task("row", "force clipped", "loader", 96_662_000))
@@ -262,6 +263,7 @@ def test_a_load_that_a_load_transfer_explains_as_well_is_said_with_both(seed):
     assert log.u_kg > 80.0
 
 
+@pytest.mark.heavy
 def test_a_load_that_comes_and_goes_is_never_one_narrow_mass():
     loads = situation("250 kg more at every second start").replayed.frames["loads"]
     for load in loads.iter_rows(named=True):
@@ -338,6 +340,7 @@ def filling():
 
 
 class TestALoadThatChangesUnderWay:
+    @pytest.mark.heavy
     def test_the_manoeuvre_is_named_with_what_it_gained(self, filling):
         (said,) = filling.frames["loads"]["said"]
         found = re.search(r"within the manoeuvre at 141.0 s, by about \+([\d,]+) ± (\d+) kg", said)

@@ -70,6 +70,7 @@ ALIKE = (
 )
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     "name",
     [pytest.param(name, marks=pytest.mark.slow) if name in ALIKE else name for name in PHYSICS],

@@ -12,6 +12,7 @@ from estimators.numerics.mutual_information import (
 )
 
 
+@pytest.mark.heavy
 @settings(deadline=None)
 @given(
     st.integers(0, 2**32 - 1),

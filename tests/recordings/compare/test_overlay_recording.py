@@ -70,6 +70,7 @@ def test_what_differs_is_drawn_over_each_other_and_subtracted(drives, tmp_path: 
     assert "B − A: Speed (m/s)" not in named
 
 
+@pytest.mark.heavy
 def test_a_legend_names_what_both_draw_once(drives, tmp_path: Path) -> None:
     a = drives(60.0)
     b = heavier(a)

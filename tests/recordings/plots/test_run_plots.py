@@ -110,6 +110,7 @@ def legend(axes: Axes) -> list[str]:
     return [text.get_text() for text in axes.get_legend().get_texts()]
 
 
+@pytest.mark.heavy
 def test_the_panels_are_named_with_their_units_over_seconds_since_the_start(pages):
     found = panels(pages[60.0])
     assert tuple(found) == PANELS

@@ -46,6 +46,7 @@ def _mappings(path: Path) -> list[tuple[str, str, str]]:
     return found
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     "duration_s", mark_heavy_after(1, [60.0, 700.0]), ids=["short", "long, with an overview"]
 )
@@ -61,6 +62,7 @@ def test_every_mapping_of_the_embedded_blueprint_names_a_component_that_can_be_d
         assert wanted(dtype), f"{entity} {source} is {dtype}"
 
 
+@pytest.mark.heavy
 def test_every_stage_that_the_table_draws_is_mapped(drives, tmp_path: Path):
     path = write_recording(drives(60.0), tmp_path / "shift.rrd")
     mapped = {source for _, _, source in _mappings(path)}

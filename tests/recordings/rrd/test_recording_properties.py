@@ -79,6 +79,7 @@ def test_a_shift_has_tonnes(drives: Callable[..., Run]) -> None:
     assert said["tonnes_U_t"] == pytest.approx(0.588)
 
 
+@pytest.mark.heavy
 def test_reruns_reader_gives_them_back(told: Run, recording: Path) -> None:
     [row] = chunks(recording, "/__properties/answer")
     del row["rerun.controls.RowId"]

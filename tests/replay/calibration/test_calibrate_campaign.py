@@ -96,6 +96,7 @@ def test_evidence_is_canonical_json_of_the_published_schema(made: CalibrationOut
     assert list(validator.iter_errors({**held, "more": 1}))
 
 
+@pytest.mark.heavy
 def test_unsigned_evidence_says_so_on_every_surface(
     folder: Path, tmp_path: Path, payscope: Payscope, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -140,6 +141,7 @@ def test_a_signature_without_a_name_says_where_the_name_is_stated(
     )
 
 
+@pytest.mark.heavy
 def test_the_environment_may_hold_the_key(
     folder: Path, keys: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

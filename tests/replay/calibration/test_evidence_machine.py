@@ -233,6 +233,7 @@ def _signed(genuine: Path, tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.mark.heavy
 def test_what_touches_no_mass_is_no_difference(folder: Path, made: CalibrationOutcome) -> None:
     """Test: such keys changed. Expected Result: the same loads bit for bit, and no refusal."""
     held = load_and_verify_calibration(CalibrationRequest(made.folder))

@@ -52,6 +52,7 @@ def test_it_is_read_with_the_present_names(folder: Path) -> None:
     assert "force_delay_s" in set(read_frame(folder / "former.rrd", "verdict", ["check"])["check"])
 
 
+@pytest.mark.heavy
 def test_explain_show_and_query_say_the_present_names(folder: Path, payscope: Payscope) -> None:
     for words in (
         ("explain", "{}", "--json"),

@@ -28,6 +28,7 @@ def test_wheels_in_rpm_leave_accelerometer_and_torques_alone() -> None:
     assert not made.is_harmed
 
 
+@pytest.mark.heavy
 def test_of_an_imu_that_rocks_nothing_is_mended() -> None:
     made = applied(BY_NAME["IMU loose"], SIMULATED)
     assert made.causes == []

@@ -70,6 +70,7 @@ def test_the_setup_is_that_of_the_latest_calibration_that_holds_on_the_day(folde
     assert setups[0].basis != setups[1].basis
 
 
+@pytest.mark.heavy
 def test_calibrations_in_use_are_kept_for_the_report(folder: Path, tmp_path: Path) -> None:
     did = run(folder, tmp_path / "results")
     assert did.failed == {}

@@ -63,6 +63,7 @@ def test_ctrl_c_in_the_middle_of_a_poll_loses_no_row(monkeypatch: pytest.MonkeyP
     assert signal.getsignal(signal.SIGINT) == before
 
 
+@pytest.mark.heavy
 def test_ctrl_c_again_ends_a_poll_and_each_row_that_was_stepped_is_told(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -26,6 +26,7 @@ def joints(count: int) -> list[Joints]:
     ]
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("write", mark_heavy_after(1, [write_bag, write_mcap]))
 def test_a_small_log_is_read_without_compiled_code(
     tmp_path: Path, write: Callable[[Path, Sequence[Joints]], object]

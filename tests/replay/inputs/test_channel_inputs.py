@@ -138,6 +138,7 @@ def test_a_joint_that_no_message_has_is_answered_with_the_nearest(
         read_channel_fields_and_losses([log], machine)
 
 
+@pytest.mark.heavy
 def test_a_hint_whose_topic_is_missing_or_empty_is_a_loss_and_stops_nothing(
     machine_file: Path, tmp_path: Path
 ) -> None:

@@ -51,6 +51,7 @@ def test_every_legal_layout_gives_the_same_samples(tmp_path: Path, options: dict
     assert log.losses() == ()
 
 
+@pytest.mark.heavy
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(cut=st.integers(8, 20_000))
 def test_a_file_torn_anywhere_keeps_every_complete_chunk_and_states_the_tear(

@@ -56,6 +56,7 @@ def test_commands_take_it_in_the_place_of_a_log(
     assert "recording" in payscope("info", recorded).out
 
 
+@pytest.mark.heavy
 def test_it_is_not_replaced_by_its_own_replay_also_with_force(
     payscope: Payscope, recorded: Path, machine_file: Path
 ) -> None:

@@ -395,6 +395,7 @@ def test_a_tree_that_leads_back_to_its_root_ends(tmp_path: Path) -> None:
     assert "damaged" in whats[0]
 
 
+@pytest.mark.heavy
 @tmp_path_is_used_again
 @given(
     page_bytes=st.sampled_from([512, 1024, 4096]),

@@ -75,6 +75,7 @@ def test_wheels_are_drafted_by_their_sides_and_their_unit_is_asked(
     ]
 
 
+@pytest.mark.heavy
 def test_the_draft_of_four_wheels_weighs(tmp_path: Path) -> None:
     path = _written(tmp_path, WHEELS["four"], rows=None)
     with open_log(path) as log:

@@ -128,6 +128,7 @@ def test_the_truth_beside_a_campaign_gives_the_errors_of_tables_3_and_4(
     assert "calibrated_rmse_kg" not in row  # one load determines no line
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("suffix", mark_heavy_after(1, [".csv", ".json", ".parquet"]))
 def test_the_suffix_says_the_format_and_nothing_is_overwritten(
     payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path, suffix: str

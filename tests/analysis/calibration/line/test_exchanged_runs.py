@@ -57,6 +57,7 @@ def test_two_exchanged_runs_are_named_and_stay_in_the_fit(first: int, second: in
     ]
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("seeds", mark_slow_after(1, [range(40), range(40, 400)]))
 def test_a_clean_campaign_names_no_exchange(seeds: range) -> None:
     loads = [*range(LOADS_KG.size)] * DAYS

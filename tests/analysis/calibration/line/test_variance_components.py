@@ -70,6 +70,7 @@ def test_balanced_readings_have_the_variances_of_an_analysis_of_variance(seed):
     ) == pytest.approx(20.0, rel=1e-4)
 
 
+@pytest.mark.heavy
 def test_variances_are_those_that_were_drawn_on_the_average():
     dice = np.random.default_rng(1)
     found = []

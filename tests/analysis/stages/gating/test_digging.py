@@ -75,6 +75,7 @@ def starts(
     return frame.with_columns(t_ns=pl.int_range(frame.height) * (10**9 // RATE_HZ))
 
 
+@pytest.mark.heavy
 @given(
     st.lists(st.floats(3600.0, 4700.0), min_size=3, max_size=6),
     st.floats(0.0, 2000.0),

@@ -288,6 +288,7 @@ def test_a_slow_channel_that_shares_no_time_is_the_same_error(channels_of, machi
         align_channels_on_grid(channels, machine())
 
 
+@pytest.mark.heavy
 @given(
     st.tuples(*[st.sampled_from([1.0, 3.0, 10.0, 11.0, 50.0, 100.0])] * 3),
     st.integers(0, 2**32 - 1),

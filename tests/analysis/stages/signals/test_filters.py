@@ -51,6 +51,7 @@ def known_by(function, t, times):
     )
 
 
+@pytest.mark.heavy
 @settings(deadline=None)
 @given(st.integers(20, 398), st.floats(-1e6, 1e6), st.integers(0, 2**32 - 1), st.booleans())
 def test_the_causal_forms_never_look_ahead(cut, change, seed, jitter):

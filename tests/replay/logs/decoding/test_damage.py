@@ -41,6 +41,7 @@ def torn(stored: list[bytes]) -> RawBatch:
     return RawBatch(0, batch.data, starts, cuts, np.arange(starts.size))
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("encoding", mark_heavy_after(1, ENCODINGS))
 @RANDOM_TYPES
 @given(types=types(), seed=st.integers(0, 2**32))
@@ -57,6 +58,7 @@ def test_a_message_torn_at_any_byte_is_whole_only_where_rosbags_says_so(
     assert bool(decoded.first_fault) == bool(decoded.undecodable)
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("encoding", mark_heavy_after(1, ENCODINGS))
 @RANDOM_TYPES
 @given(types=types(), seed=st.integers(0, 2**32))

@@ -59,6 +59,7 @@ def columnar(sample: Sample, fields: list[Field], encoding: str) -> pl.DataFrame
     return decoded.frame
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("encoding", mark_heavy_after(1, ["cdr_le", "cdr_be", "ros1"]))
 @RANDOM_TYPES
 @given(types=types(), seed=st.integers(0, 2**32))
@@ -130,6 +131,7 @@ def _flipped(data: st.DataObject) -> Callable[[bytes], bytes]:
     return flip
 
 
+@pytest.mark.heavy
 @RANDOM_TYPES
 @given(types=types(), seed=st.integers(0, 2**32), data=st.data())
 def test_one_topic_may_mix_encapsulations(types: Types, seed: int, data: st.DataObject) -> None:

@@ -54,6 +54,7 @@ def assert_alike(ways: tuple[DecodedBatch, DecodedBatch]) -> None:
     assert compiled.first_fault == by_python.first_fault
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("encoding", mark_heavy_after(1, ["cdr_le", "cdr_be", "ros1", "xcdr2_le"]))
 @RANDOM_TYPES
 @given(types=types(), seed=st.integers(0, 2**32))

@@ -86,6 +86,7 @@ def test_a_bag_is_the_one_that_rosbags_writes(log: SimulatedLog, tmp_path: Path)
     assert (tmp_path / "ours.bag").read_bytes() == (tmp_path / "theirs.bag").read_bytes()
 
 
+@pytest.mark.heavy
 def test_an_mcap_file_is_the_one_that_its_library_writes(log: SimulatedLog, tmp_path: Path) -> None:
     store = get_typestore(Stores.ROS2_HUMBLE)
     with (tmp_path / "theirs.mcap").open("wb") as file:
@@ -128,6 +129,7 @@ def test_a_rosbag2_directory_holds_the_messages_of_rosbags_for_every_reader(
         assert not ours.losses()
 
 
+@pytest.mark.heavy
 def test_a_database_holds_the_messages_of_rosbags(log: SimulatedLog, tmp_path: Path) -> None:
     store = get_typestore(Stores.ROS2_HUMBLE)
     expected = [
