@@ -14,7 +14,7 @@ from typing import Literal, Self
 
 import numpy as np
 
-from analysis.weighing.fitted_stretches import mark_stretch_starts
+from analysis.weighing.fitted_stretches import cache_on_samples, mark_stretch_starts
 from analysis.weighing.load_changes import (
     classify_load_change_evidence,
     find_manoeuvre_of_fitted_samples,
@@ -149,11 +149,7 @@ def propose_hauling_partitions(motion: MotionSamples) -> list[Ints]:
     changes; otherwise a machine with another force reading in reverse would get two loads.
     """
     kind = classify_load_change_evidence(motion)
-    first = np.flatnonzero(motion.is_fittable)[
-        mark_stretch_starts(find_manoeuvre_of_fitted_samples(motion))
-    ]
-    forwards = motion.direction[first] > 0.0
-    begins_m = motion.driven_m[first]
+    begins_m, forwards = _find_manoeuvre_starts_and_directions(motion)
     visits = [
         np.isin(begins_m[1:], add_missed_dump_visits(begins_m[1:][each], begins_m[1:]))
         for each in mark_standstills_at_recurrent_stops(begins_m, forwards)
@@ -170,6 +166,24 @@ def propose_hauling_partitions(motion: MotionSamples) -> list[Ints]:
             or _have_load_changes_strong_evidence(kind[each])
         )
     ]
+
+
+@cache_on_samples
+def number_recurrent_stops(motion: MotionSamples) -> Ints:
+    """Number of the recurrent place at which each manoeuvre ends, (manoeuvres - 1,); 0 for none."""
+    begins_m, forwards = _find_manoeuvre_starts_and_directions(motion)
+    numbers = np.zeros(begins_m.size - 1, np.int64)
+    for number, stands in enumerate(mark_standstills_at_recurrent_stops(begins_m, forwards), 1):
+        numbers[stands] = number
+    return numbers
+
+
+def _find_manoeuvre_starts_and_directions(motion: MotionSamples) -> tuple[Floats, Bools]:
+    """Driven distance at the start of each manoeuvre, (manoeuvres,), and whether it is forwards."""
+    first = np.flatnonzero(motion.is_fittable)[
+        mark_stretch_starts(find_manoeuvre_of_fitted_samples(motion))
+    ]
+    return motion.driven_m[first], motion.direction[first] > 0.0
 
 
 def mark_standstills_at_recurrent_stops(

@@ -8,7 +8,7 @@ import numpy as np
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.fit_columns import compute_samples_between_fitted_means
 from analysis.weighing.fit_task import FitTask
-from analysis.weighing.haul_route import propose_hauling_partitions
+from analysis.weighing.haul_route import number_recurrent_stops, propose_hauling_partitions
 from analysis.weighing.joint_fit import (
     JointFitInputs,
     fit_jointly,
@@ -204,7 +204,7 @@ def _estimate_manoeuvre_mass_levels(
     manoeuvre_masses = _rebuild_task_of_fit(fit, inputs).estimate_manoeuvre_masses(
         fit, make_refit_rows(fit, inputs.noise)
     )
-    return replace(manoeuvre_masses, kind=change_kinds)
+    return replace(manoeuvre_masses, kind=change_kinds, place=number_recurrent_stops(fit.motion))
 
 
 def _rebuild_task_of_fit(fit: JointFit, inputs: JointFitInputs) -> FitTask:
@@ -244,7 +244,11 @@ def search_states_and_refit_until_stable(
         states = max(
             (
                 find_load_states(
-                    replace(task.estimate_manoeuvre_masses(first_fit, each), kind=change_kinds),
+                    replace(
+                        task.estimate_manoeuvre_masses(first_fit, each),
+                        kind=change_kinds,
+                        place=number_recurrent_stops(first_fit.motion),
+                    ),
                     number,
                     repeatability_kg,
                 )

@@ -220,7 +220,7 @@ def make_states_of_partition(
     """
     typical_kg = compute_median_manoeuvre_mass_kg(masses)
     posterior = PartitionPosterior(masses, LIMITS.largest_load_fraction * typical_kg, 0.0, None)
-    partition = posterior.fit_partition(Stretches.from_boundaries(state_of_manoeuvre, masses.kind))
+    partition = posterior.fit_partition(Stretches.from_boundaries(state_of_manoeuvre, masses))
     states = _make_load_states(masses, manoeuvre_ids, partition)
     if not usual_scatter:
         return states

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_unless_short_log
+from estimators.joint.change_rates import list_partitions_by_place
 from estimators.joint.joint_limits import LIMITS
 from estimators.joint.partition_posterior import Partition, PartitionPosterior, Stretches
 from estimators.joint.unit_levels import (
@@ -82,6 +83,7 @@ def find_best_partitions(
     # with many changes, the effects fitted with one level hide them from searches that start there
     least_kinds = (TURNED, RESTARTED, HINTED, DUMPED, FILLED, NAMED)
     hinted = [np.append(0, np.cumsum(unit_values.kind >= least)) for least in least_kinds if n > 1]
+    by_place = list_partitions_by_place(unit_values)
     noise_alone = PartitionPosterior(unit_values, max_level_distance, 0.0, None)
     begin = [
         noise_alone.estimate_shared_effects(one),
@@ -96,14 +98,14 @@ def find_best_partitions(
             tau,
             usual_scatter_std if known_scatter_std is None else None,
         )
-        tried = {each.tobytes() for each in (one, each_own, *hinted)}
+        tried = {each.tobytes() for each in (one, each_own, *hinted, *by_place)}
         for effects in begin if n > 1 else []:
             tried |= _propose_partitions(posterior, effects)
         # in an order that is the same in every process, as sums depend on it
         for key in sorted(tried):
             if key not in stretches:
                 stretches[key] = Stretches.from_boundaries(
-                    np.frombuffer(key, np.int64), unit_values.kind
+                    np.frombuffer(key, np.int64), unit_values
                 )
             each = posterior.fit_partition(stretches[key])
             if key not in found or each.log_posterior > found[key][0].log_posterior:
@@ -114,10 +116,12 @@ def find_best_partitions(
     probability = float(np.exp(single.log_posterior - np.logaddexp.reduce(logs)))
     if not others:
         return Partitions(single, single, None, probability)
-    several, posterior = max(others, key=lambda each: each[0].log_posterior)
+    # places tell which of several levels are likely, not whether there are several
+    has_several = max(each.log_posterior for each, _ in others) > single.log_posterior
+    several, posterior = max(others, key=lambda each: each[0].log_posterior_by_place)
     several = move_changes_to_nearest_record_ends(several, posterior)
     best = single
-    if several.log_posterior > single.log_posterior:
+    if has_several:
         best = _drop_uncertain_changes(several, posterior)
     return Partitions(best, single, best if best.stretch_count > 1 else several, probability)
 
@@ -140,8 +144,8 @@ def move_changes_to_nearest_record_ends(
             if low < end < high:
                 moved = np.sort(np.append(changes[changes != change], end))
                 state = np.searchsorted(moved, np.arange(kind.size + 1), "right")
-                tried = posterior.fit_partition(Stretches.from_boundaries(state, kind))
-                partition = max((partition, tried), key=lambda each: each.log_posterior)
+                tried = posterior.fit_partition(Stretches.from_boundaries(state, posterior.units))
+                partition = max((partition, tried), key=lambda each: each.log_posterior_by_place)
     return partition
 
 
@@ -157,7 +161,7 @@ def _drop_uncertain_changes(partition: Partition, posterior: PartitionPosterior)
         plainer = [
             posterior.fit_partition(
                 Stretches.from_boundaries(
-                    _merge_states_at_boundaries(partition.state, joint), posterior.units.kind
+                    _merge_states_at_boundaries(partition.state, joint), posterior.units
                 )
             )
             for joint in joints
@@ -166,7 +170,7 @@ def _drop_uncertain_changes(partition: Partition, posterior: PartitionPosterior)
             min_log_odds_of_reported_change(posterior.units.kind[joint - 1]) for joint in joints
         ]
         margin = [
-            each.log_posterior - (partition.log_posterior - odds)
+            each.log_posterior_by_place - (partition.log_posterior_by_place - odds)
             for each, odds in zip(plainer, allowed, strict=True)
         ]
         likeliest = int(np.argmax(margin))

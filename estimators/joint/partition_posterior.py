@@ -20,8 +20,12 @@ from scipy.special import betaln, gammaln
 
 from estimators.arrays import Bools, Floats, Ints
 from estimators.interpreted import compiled_unless_short_log
+from estimators.joint.change_rates import (
+    compute_log_odds_of_changes_by_place,
+    compute_log_prior_of_unknown_change_rate,
+)
 from estimators.joint.joint_limits import LIMITS
-from estimators.joint.unit_levels import DUMPED, FILLED, HINTED, NAMED, RESTARTED, UnitLevels
+from estimators.joint.unit_levels import DUMPED, FILLED, HINTED, NAMED, UnitLevels
 
 #: Standard deviations of the levels, as fractions of the largest spread.
 _DEVIATIONS: Final = 0.5 ** np.arange(6)
@@ -40,6 +44,7 @@ class Partition:
         scatter: standard deviation between units of one level.
         effects: (r,) β.
         log_posterior: log posterior probability, up to a constant of the series.
+        log_place_odds: log odds of its changes by the recurrent places of the boundaries.
     """
 
     state: Ints
@@ -48,6 +53,12 @@ class Partition:
     scatter: float
     effects: Floats
     log_posterior: float
+    log_place_odds: float = 0.0
+
+    @property
+    def log_posterior_by_place(self) -> float:
+        """Log posterior among partitions with several levels, with the recurrent places."""
+        return self.log_posterior + self.log_place_odds
 
     @property
     def stretch_count(self) -> int:
@@ -82,20 +93,25 @@ class Stretches:
         state: (n,) stretch number of each unit, ascending from 0.
         levels: possible assignments of levels to the stretches.
         log_prior: log prior probability of the partition.
+        log_place_odds: log odds of the changes by the recurrent places.
     """
 
     state: Ints
     levels: list[LevelAssignment]
     log_prior: float
+    log_place_odds: float = 0.0
 
     @classmethod
-    def from_boundaries(cls, state_of_unit: Ints, change_kinds: Ints) -> Self:
+    def from_boundaries(cls, state_of_unit: Ints, units: UnitLevels) -> Self:
         """Number the stretches of a partition, and compute its log prior probability."""
         has_change = np.diff(state_of_unit) > 0
         return cls(
             state_of_unit,
-            list_level_assignments(change_kinds[has_change] == FILLED),
-            compute_log_prior_of_changes(change_kinds, has_change),
+            list_level_assignments(units.kind[has_change] == FILLED),
+            compute_log_prior_of_changes(units.kind, has_change),
+            0.0
+            if units.place is None
+            else compute_log_odds_of_changes_by_place(units.kind, units.place, has_change),
         )
 
 
@@ -148,7 +164,11 @@ class PartitionPosterior:
                 best = logs[-1], levels[level], level, effects
         assert best is not None
         posterior = float(np.logaddexp.reduce(logs)) + self._log + stretches.log_prior
-        return Partition(stretches.state, best[1], best[2], self.scatter, best[3], posterior)
+        return Partition(
+            stretches.state,
+            *(best[1], best[2], self.scatter, best[3], posterior),
+            stretches.log_place_odds,
+        )
 
     def _sum_equations_by_state(self, state_of_unit: Ints) -> Floats:
         """Sum the normal equations of consecutive units in one state."""
@@ -329,42 +349,3 @@ def compute_log_prior_of_work_cycles(change_kinds: Ints, has_change: Bools) -> f
         np.log(LIMITS.unfilled_probability),
     )
     return log + float(fillings.sum())
-
-
-def compute_log_prior_of_unknown_change_rate(change_kinds: Ints, has_change: Bools) -> float:
-    """Log prior for which no change is as probable as some, and all rates are equally probable.
-
-    At boundaries with other evidence of a change, either the probability of a rate is proportional
-    to the rate, or the evidence is unrelated to the level. Separate records have one level in all,
-    mostly one level each, or any rate of changes.
-    """
-    total = 0.0
-    for each in np.unique(change_kinds[change_kinds > 0]):
-        places, used = (
-            int((change_kinds == each).sum()),
-            int(has_change[change_kinds == each].sum()),
-        )
-        if each == RESTARTED:
-            by_rate = float(np.exp(betaln(used + 1, places - used + 1)))
-            one_each = (
-                1.0 - LIMITS.same_level_probability
-            ) ** used * LIMITS.same_level_probability ** (places - used)
-            total += float(np.log(by_rate + (used == 0) + one_each)) + _THIRD
-        elif each > 1:
-            # ∫ 2 p pᵏ (1 - p)ⁿ⁻ᵏ dp, unless the evidence is unrelated
-            by_rate = (
-                float(betaln(used + 2, places - used + 1))
-                - _HALF
-                + np.log1p(-LIMITS.unrelated_hint_probability)
-            )
-            total += (
-                by_rate
-                if used
-                else float(np.logaddexp(by_rate, np.log(LIMITS.unrelated_hint_probability)))
-            )
-        elif used:
-            # ∫ pᵏ (1 - p)ⁿ⁻ᵏ dp
-            total += float(betaln(used + 1, places - used + 1)) + _HALF
-        else:
-            total += _HALF
-    return total

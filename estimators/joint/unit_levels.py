@@ -37,6 +37,8 @@ class UnitLevels:
         kind: (n - 1,) kind of each boundary: 0 no change possible, 1 a change that only the units
             indicate; `TURNED`, `RESTARTED`, `HINTED`, `DUMPED`, `FILLED` and `NAMED` have other
             evidence. Boundaries of a kind are exchangeable.
+        place: (n - 1,) number of the recurrent place of each boundary, 0 for none; None if no place
+            is known. Changes tend to be at all boundaries of a place or at none.
     """
 
     y: Floats
@@ -45,6 +47,7 @@ class UnitLevels:
     gram: Floats
     cross: Floats
     kind: Ints
+    place: Ints | None = None
 
 
 def estimate_unit_levels(

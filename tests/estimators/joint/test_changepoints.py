@@ -34,7 +34,7 @@ def state_of(levels, **more):
 
 def log_posterior(drawn, state):
     """Of a partition, where manoeuvres do not scatter."""
-    stretches = Stretches.from_boundaries(np.asarray(state), drawn.kind)
+    stretches = Stretches.from_boundaries(np.asarray(state), drawn)
     return PartitionPosterior(drawn, SPREAD, 0.0, None).fit_partition(stretches).log_posterior
 
 
