@@ -42,8 +42,8 @@ def calibrate_cycles(
     """
     if calibration.method not in (_OF_MASS, _OF_PAYLOAD):
         raise DataError(
-            f"calibration: it was made for '{calibration.method}', which does not estimate "
-            f"the masses of cycles; {suggest_choice(calibration.method, (_OF_MASS, _OF_PAYLOAD))}"
+            f"calibration: method '{calibration.method}' does not estimate the masses of cycles; "
+            f"calibrate with {_OF_MASS} or {_OF_PAYLOAD}"
         )
     numbers = [("cycle", number) for number in cycles["cycle"].to_list()]
     scale_1 = get_column_values(cycles, "scale_1")

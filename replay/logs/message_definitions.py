@@ -166,7 +166,7 @@ def _find_typestore_with_type(name: str) -> Typestore:
         if name in store.fielddefs:
             return store
     if not name:
-        raise DefinitionError("the log does not state the type of its messages")
+        raise DefinitionError("the log does not state the message type of this topic")
     raise DefinitionError(
         f"the log carries no definition of {name}, and no ROS 2 release knows the type; "
         "record it with ROS 2 Iron or newer, which stores definitions"

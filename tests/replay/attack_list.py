@@ -178,7 +178,7 @@ ATTACKS: tuple[Attack, ...] = (
            make_anew(in_evidence("logs", 0, "files", 0, "sha256", to="0" * 64)), 3, _NOT_GIVEN),
     Attack("own key", "a page of one's own",
            make_anew(of_bytes(REPORT, lambda data: data.replace(b"Not for trade.", b"For trade."))),
-           3, "is not the page that the evidence gives"),
+           3, "differs from the page made from the evidence"),
     # the chain
     Attack("chain", "a number left out", lambda m, _: chain(m, m.first, m.third), 5,
            "number 2: is missing between"),

@@ -86,8 +86,8 @@ def calibrate_loads(
     """
     if calibration.method not in ESTIMATORS:
         raise DataError(
-            f"calibration: it was made for '{calibration.method}', which does not estimate "
-            f"the masses of the loads; {suggest_choice(calibration.method, ESTIMATORS)}"
+            f"calibration: method '{calibration.method}' does not estimate the masses of loads; "
+            f"calibrate with one of {', '.join(ESTIMATORS)}"
         )
     mass, u_random = ESTIMATORS[calibration.method]
     rows = loads.with_columns(estimate_kg=mass, estimate_u_random_kg=u_random).to_dicts()

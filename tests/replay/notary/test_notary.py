@@ -190,7 +190,7 @@ ATTACKS: dict[str, tuple[Change, str]] = {
     "other format": (replace(0, b"payscope-notary/1", b"payscope-notary/2"), "line 1"),
     "replaces": (replace(2, b'"replaces":null', b'"replaces":1'), "not signed"),
     "size": (replace(2, b'"size_bytes":', b'"size_bytes":1'), "not signed"),
-    "signature gone": (replace(2, b'"signature":"', b'"signatures":"'), "not a signed line"),
+    "signature gone": (replace(2, b'"signature":"', b'"signatures":"'), "has no signature"),
     "signature of zeros": (
         lambda lines: [line[:-90] + b"A" * 86 + b'=="}' if k == 2 else line
                        for k, line in enumerate(lines)],
@@ -201,8 +201,8 @@ ATTACKS: dict[str, tuple[Change, str]] = {
     "a name twice": (replace(2, b'{"begins"', b'{"begins":"","begins"'), "appears twice"),
     "no JSON": (lambda lines: [*lines[:2], b"nonsense", *lines[3:]], "not valid JSON"),
     "an empty line": (lambda lines: [*lines[:3], b"", *lines[3:]], "not valid JSON"),
-    "null": (lambda lines: [*lines[:3], b"null", *lines[3:]], "not a signed line"),
-    "a list": (lambda lines: [*lines[:3], b"[]", *lines[3:]], "not a signed line"),
+    "null": (lambda lines: [*lines[:3], b"null", *lines[3:]], "has no signature"),
+    "a list": (lambda lines: [*lines[:3], b"[]", *lines[3:]], "has no signature"),
     "nested": (lambda lines: [*lines[:3], b"[" * 90_000, *lines[3:]], "nested deeper"),
     "very long": (lambda lines: [*lines[:3], b" " * (2 << 20), *lines[3:]], "has more than"),
     "carriage returns": (
