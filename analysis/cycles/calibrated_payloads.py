@@ -12,7 +12,7 @@ from analysis.calibration.use.mass_differences import calibrate_mass_differences
 from analysis.cycles.empty_machine import BY_CALIBRATION, BY_EMPTY_MACHINE
 from analysis.cycles.haul_spillage import subtract_spillage_from_payload_columns
 from analysis.model.schema import MASS_KINDS, QUALITY, conform_frame_to_schema, get_column_values
-from estimators.errors import DataError, suggest_choice
+from estimators.errors import DataError
 
 #: Method of lines for the mass of a state; the other is for a difference of two masses.
 _OF_MASS: Final = "joint_mass"

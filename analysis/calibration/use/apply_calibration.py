@@ -22,7 +22,7 @@ from analysis.calibration.use.mass_differences import NORMAL, calibrate_mass_dif
 from analysis.calibration.use.use_limits import LIMITS
 from analysis.model.machine_body import Body
 from analysis.model.schema import CALIBRATED, conform_frame_to_schema
-from estimators.errors import DataError, suggest_choice
+from estimators.errors import DataError
 
 #: By estimator, columns of frame `loads` with m̂ and the random part of its standard uncertainty.
 ESTIMATORS: Final[Mapping[str, tuple[str, str]]] = {

@@ -201,7 +201,7 @@ def _mark_second_hours(local_ns: Ints, twice: Bools) -> Bools:
         fallen = np.flatnonzero(falls[begin:end])
         if fallen.size > 1:
             raise TimeError(
-                "its times jump back more than once in the hour when clocks are set back"
+                "its times jump back twice or more in the hour when clocks are set back"
             )
         if fallen.size:
             is_second[begin + int(fallen[0]) + 1 : end + 1] = True
