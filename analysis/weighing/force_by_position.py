@@ -37,7 +37,7 @@ def _make_position_wave_term(half_waves: int) -> Nuisance:
         "N",
         lambda m: evaluate_half_wave_cosine(m.path_position_1, half_waves),
         lambda e, s: s.place_share * e.force_95_percentile_newtons / half_waves,
-        "a force that depends on the place on a short path: gravity, a cable, a cam",
+        "a force that depends on the position on a short path: gravity, a cable, a cam",
         "strokes at different accelerations over the same path",
         applies=lambda e: e.is_short_path_bench_log,
         source=BY_PLACE,
@@ -54,7 +54,7 @@ def _make_load_proportional_term(term: Nuisance) -> Nuisance:
         term,
         name=f"{term.name}_by_load",
         column=make_load_column,
-        meaning=f"{term.meaning}; in proportion to the load",
+        meaning=f"{term.meaning}; proportional to the load",
         by_load=True,
     )
 
@@ -65,7 +65,7 @@ _OF_EVERY_LOAD: Final = (
         "N",
         lambda m: make_position_proportional_force_column(m.path_position_1),
         lambda e, s: s.place_share * e.force_95_percentile_newtons,
-        "a force in proportion to the place on a short path, at its ends: a spring, gravity",
+        "a force proportional to the position on a short path, at its ends: a spring, gravity",
         "strokes at different accelerations over the same path",
         applies=lambda e: e.is_short_path_bench_log,
         source=BY_PLACE,

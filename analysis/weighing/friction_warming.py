@@ -27,16 +27,16 @@ class WarmingShape:
 #: were 5 to 12 % off where friction fell by a quarter.
 WARMING: Final[Mapping[str, WarmingShape]] = {
     "viscous_drift": WarmingShape(
-        1, lambda x: x, "how much viscous friction changes over the log: oil that warms"
+        1, lambda x: x, "change of viscous friction over the log: oil that warms"
     ),
     "viscous_bend": WarmingShape(
         2,
         lambda x: x**2 - LIMITS.progress_mean_square,
-        "how much of that change comes early or late: oil warms fast at first",
+        "curvature of the change of viscous friction: oil warms fast at first",
     ),
     "viscous_cubic": WarmingShape(
         3,
         lambda x: x * (x**2 - LIMITS.progress_cube_slope),
-        "how that change levels off: oil that is warm stays so",
+        "levelling-off of the change of viscous friction: warm oil stays warm",
     ),
 }

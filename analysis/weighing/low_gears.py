@@ -95,7 +95,7 @@ BY_GEAR_RATIO: Final = Nuisance(
     lambda motion, priors: (
         LIMITS.gear_ratio_prior_ratio * _compute_low_gear_prior_std_kg(motion, priors)
     ),
-    "rotating mass of engine or turbine in the lowest gear, which goes with the ratio squared",
+    "rotating mass of engine or turbine in the lowest gear, proportional to the squared ratio",
     "starts in several gears",
     by_acceleration=lambda m: m.relative_gear_ratio**2,
     applies=has_several_gear_ratios,

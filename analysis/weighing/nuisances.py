@@ -201,7 +201,7 @@ NUISANCES: Final = (
         "s",
         lambda m: -m.force_rate,
         lambda _, s: s.lag_s,
-        "how late the force is, against the motion",
+        "delay of the force relative to the motion",
         "sharper starts, or clocks that are synchronised",
         prior_keys=("lag_s",),
         by_force_rate=lambda m: -np.ones(m.speed.size),
@@ -211,7 +211,7 @@ NUISANCES: Final = (
         "s",
         lambda m: -m.force_rate * m.progress,
         lambda _, s: s.lag_drift_s,
-        "how much later the force becomes over the log: clocks that drift apart",
+        "change of the force's delay over the log: clocks that drift apart",
         "clocks that are synchronised",
         by_force_rate=lambda m: -m.progress,
         prior_keys=("lag_drift_s",),
@@ -221,7 +221,7 @@ NUISANCES: Final = (
         "s/m",
         lambda m: np.abs(m.ground_speed_m_s) * m.force,
         lambda e, s: s.wheel_slip / e.speed_95_percentile_m_s,
-        "longitudinal slip: friction of a wheel speed that is not the ground's",
+        "longitudinal slip: the wheel speed in the friction is not the ground speed",
         "an accelerometer beside the wheel speed, or starts at different throttles",
         by_speed=lambda m: np.sign(m.speed) * m.force,
         by_force=lambda m: np.abs(m.speed),
@@ -239,7 +239,7 @@ NUISANCES: Final = (
             )
         ),
         lambda e, s: e.approximate_mass_kg * s.wheel_slip / e.force_95_percentile_newtons,
-        "longitudinal slip: wheels gain speed that the machine does not",
+        "longitudinal slip: the wheels gain more speed than the machine",
         "an accelerometer on the body",
         by_force=lambda m: -np.sign(m.speed) * m.wheel_acceleration,
         by_acceleration=lambda m: -np.sign(m.speed) * m.force,
@@ -290,8 +290,8 @@ NUISANCES: Final = (
         lambda e, s: max(
             estimate_error_fraction_and_std_of_constant(e, s)[1], LIMITS.min_offset_std_N
         ),
-        "what the constant force has of an error of the measured force, beside what is expected "
-        "of it: neither slip nor load transfer act on it",
+        "offset of the measured force, less its expected value: the part of the constant force on "
+        "which neither slip nor load transfer acts",
         "a measured force that is zeroed",
         by_speed=lambda m: -m.slip_s_m * np.sign(m.speed),
         by_acceleration=lambda m: np.full(m.speed.size, -m.load_transfer_s2_m),
@@ -302,7 +302,7 @@ NUISANCES: Final = (
         "1",
         lambda m: m.force * m.progress,
         lambda _, s: s.gain_drift,
-        "how much the gain of the force changes over the log",
+        "change of the force's gain over the log",
         "loads that come back: empty, loaded, empty",
         by_force=lambda m: m.progress,
         applies=lambda e: e.manoeuvre_count > 1,
@@ -313,8 +313,8 @@ NUISANCES: Final = (
         "N",
         lambda m: m.relative_load,
         compute_weight_proportional_force_prior_std_newtons,
-        "what of the constant force is in proportion to the weight with its load (tilt or bias of "
-        "the accelerometer, slope), beside what is expected of it",
+        "part of the constant force that is proportional to the loaded weight (tilt or bias of the "
+        "accelerometer, slope), less its expected value",
         "starts at different throttles with each load; an accelerometer that is zeroed",
         by_load=True,
         prior_keys=("sag_weight_share", "const_weight_share"),
@@ -324,8 +324,8 @@ NUISANCES: Final = (
         "N",
         lambda m: m.direction * m.relative_load,
         lambda e, s: estimate_load_proportional_share_of_coulomb(e, s).std_N,
-        "what of Coulomb friction is in proportion to the weight with its load (rolling "
-        "resistance), beside what is expected of it",
+        "part of Coulomb friction that is proportional to the loaded weight (rolling resistance), "
+        "less its expected value",
         "starts at different throttles with each load",
         applies=lambda e: e.drives_both_ways,
         by_load=True,
@@ -336,7 +336,7 @@ NUISANCES: Final = (
         "N·s/m",
         lambda m: m.speed * m.relative_load,
         lambda e, s: s.viscous_weight_share_s_m * e.empty_weight_N,
-        "viscous friction that is proportional to the weight with its load: rolling resistance "
+        "viscous friction that is proportional to the loaded weight: rolling resistance "
         "that grows with the speed",
         "cruising at several speeds with each load",
         by_speed=lambda m: m.relative_load,
@@ -352,7 +352,7 @@ CURVATURE: Final = Nuisance(
     lambda m: m.acceleration * np.abs(m.acceleration),
     lambda _, __: 1e9,
     "a force that is not linear in the acceleration",
-    "force measured on all wheels; brakes that are seen whole",
+    "force measured on all wheels; a force sensor that measures all braking",
     by_acceleration=lambda m: 2.0 * np.abs(m.acceleration),
 )
 #: Almost free term by which a check tests whether the load grows equally at every start. The added

@@ -84,7 +84,7 @@ def compare_known_mass_with_calibration(
     # a drifted machine may give a mass outside the range, so the known mass must be inside it
     if not low <= reference_kg <= high:
         return _make_drift_check_without_result(
-            f"{reference_kg:g} kg is outside the calibrated range, {low:g} to {high:g} kg"
+            f"{reference_kg:g} kg is outside of the range, {low:g} to {high:g} kg"
         )
     if machine_reading.mass_kg is None or machine_reading.readings < 1:
         return _make_drift_check_without_result("no estimate")
