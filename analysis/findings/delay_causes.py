@@ -247,8 +247,8 @@ def find_delays_between_force_sources(inputs: FindingInputs) -> list[Symptom]:
         found.append(
             Symptom(
                 lag_s / max(LIMITS.source_delay_s, LIMITS.source_delay_std * std_s),
-                f"{1e3 * lag_s:.1f} ± {1e3 * std_s:.1f} ms late relative to {other}, or that one "
-                "is early",
+                f"{1e3 * lag_s:.1f} ± {1e3 * std_s:.1f} ms late relative to {other}, or {other} is "
+                "early",
                 channel=late,
                 setting=setting,
                 value=value,
@@ -311,7 +311,7 @@ def _make_delay_symptom(inputs: FindingInputs, fitted_cause: FittedCause) -> Sym
     said = f"{size} {words} relative to {against}"
     if not inputs.has_accelerometer:
         other = "early" if delay_s > 0.0 else "late"
-        said += f", or the {against} is {other}: two channels cannot tell which"
+        said += f", or the {against} is {other}: two channels cannot show which"
     elif rivals:
         said += (
             f"; it is equally likely that the {' or '.join(_SHOWN[each] for each in rivals)} is "
@@ -355,15 +355,15 @@ def _make_long_delay_symptom(inputs: FindingInputs, long_delay: LongDelay) -> Sy
     )
     against = " and ".join(_SHOWN[each] for each in rest)
     others = (
-        f", or the {_SHOWN[long_delay.rival]} is early: two channels cannot tell which"
+        f", or the {_SHOWN[long_delay.rival]} is early: two channels cannot show which"
         if long_delay.rival
         else ""
     )
     return Symptom(
         LIMITS.long_delay_rank,
         f"{abs(long_delay.delay_s):.2f} s {words} relative to {against}: the correlation is "
-        f"{long_delay.correlation[0]:.2f} with this shift, without it "
-        f"{long_delay.correlation[1]:.2f}{others}",
+        f"{long_delay.correlation[0]:.2f} with this shift and "
+        f"{long_delay.correlation[1]:.2f} without{others}",
         channel=next(iter(names), None),
         setting=setting if names else None,
         value=value if names else None,

@@ -159,7 +159,7 @@ def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
                 float(np.sqrt(fitted.gain)) / LIMITS.term_min_std,
                 force / (LIMITS.trusted_coulomb_fraction * motion.force_95_percentile_newtons),
             ),
-            f"{format_force_and_std(force, fitted.std)} oppose the motion at any speed",
+            f"{format_force_and_std(force, fitted.std)} of friction oppose the motion at any speed",
             setting=f"settings.forces.coulomb, settings.priors.{prior}",
             value=f"true, {share:.3f}",
             change=lambda: estimate_mass_change_without_coulomb(inputs, force, fitted.std, others),

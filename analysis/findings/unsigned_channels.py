@@ -40,8 +40,8 @@ def find_unsigned_speed(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             LIMITS.sign_rank * fewer / LIMITS.unsigned_reverse_fraction,
-            f"its readings are never below zero, although forces of both signs make it rise alike "
-            f"({fewer:.0%} of the driving is in the other direction)",
+            "its readings are never below zero, although the force drives the machine both ways "
+            f"({fewer:.0%} of the driving is in the rarer direction)",
             channel=names[0],
         )
     ]
@@ -77,7 +77,7 @@ def _find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             LIMITS.sign_rank,
-            f"its readings reach {high:.3g} and are not below zero, although the machine "
+            f"its readings reach {high:.3g} and are never below zero, although the machine "
             + (
                 "drives in reverse"
                 if backwards

@@ -191,7 +191,7 @@ ATTACKS: tuple[Attack, ...] = (
     Attack("chain", "one before it left out", skipped, 3, "chain.previous"),
     Attack("chain", "made before what it follows, by the signer",
            resigned(at("made", "2026-04-01T00:00:00Z")), 3,
-           "is before the evidence that it follows was made"),
+           "is before the previous evidence was made"),
     Attack("chain", "a higher number, by the signer",
            resigned(in_evidence("chain", "counter", to=7)), 3, "counter"),
     Attack("chain", "no link, by the signer",

@@ -323,13 +323,13 @@ TAMPERINGS: dict[str, Tampering] = {
         TAMPERED, IRREPRODUCIBLE, "chain",
         "evidence.json: as_found.rms_error_kg: does not follow from the points"),
     "the counter": Tampering(in_evidence("chain", "counter", to=7), TAMPERED, TAMPERED, "chain",
-        "evidence.json: chain.counter: does not follow that of the previous link"),
+        "evidence.json: chain.counter: is not one more than the counter of the previous evidence"),
     "the link": Tampering(
         in_evidence("chain", "previous", "sums_sha256", to="0" * 64), TAMPERED, None, "chain",
-        "evidence.json: chain.previous: is other evidence than the previous evidence given"),
+        "evidence.json: chain.previous: is not the previous evidence that was given"),
     "no link": Tampering(
         lambda b: b.evidence.update(chain={"counter": 1, "previous": None}),
-        TAMPERED, None, "chain", "evidence.json: chain.counter: is 1, and that before it 1"),
+        TAMPERED, None, "chain", "evidence.json: chain.counter: is 1, but that of the previous"),
     "a tolerance that forgives": Tampering(
         in_evidence("replay_tolerance_kg", to=1e9),
         TAMPERED, TAMPERED, "the campaign",

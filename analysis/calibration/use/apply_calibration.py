@@ -273,9 +273,9 @@ def describe_machine_change(check: DriftCheck | None, later_log: LaterLog) -> st
         return ""
     assert check.mass_kg is not None
     return (
-        f"its empty part weighs {check.mass_kg:,.0f} kg by the calibration, and the empty machine "
-        f"{later_log.empty_kg:,.0f} kg; up to {check.limit_kg:,.0f} kg apart can be chance: the "
-        "machine, the ground or the empty mass has changed"
+        f"the empty machine weighs {check.mass_kg:,.0f} kg in this log by the calibration, but "
+        f"{later_log.empty_kg:,.0f} kg by its stated mass; chance explains at most "
+        f"{check.limit_kg:,.0f} kg: the machine, the ground or the empty mass has changed"
     )
 
 

@@ -228,7 +228,7 @@ def low_pass_fast_channels(
         for name, hz in slow.items()
     ]
     if causal and slow:
-        notes.append("nor to any other channel: a causal filter on some of them delays those")
+        notes.append("nor to others: a causal filter on some channels would delay only those")
         return dict(measured)
     out = dict(measured)
     for name in (each for each in rates_hz if each not in slow):

@@ -104,9 +104,9 @@ def test_evidence_from_before_the_one_that_it_follows_is_found(made: Made, tmp_p
     early = resigned(made, tmp_path, made.bundle, made_in_april)
     found = chain(made, made.first, early)
     assert found.outcome is TAMPERED
-    assert "made: is before the evidence that it follows was made" in said(found)
+    assert "made: is before the previous evidence was made" in said(found)
     alone = verify_bundle(early, key_file=made.public, previous=made.first)
-    assert "is before the evidence that it follows was made" in items(alone)
+    assert "is before the previous evidence was made" in items(alone)
 
 
 def of_another_machine(bundle: Bundle) -> None:
@@ -125,7 +125,7 @@ def test_evidence_of_another_machine_is_a_chain_of_its_own(made: Made, tmp_path:
 
 def test_the_signer_of_the_evidence_before_is_named_and_checked(made: Made, tmp_path: Path) -> None:
     found = made.verify(made.bundle)
-    assert any("the evidence before, number 1: signed by the key given" in n for n in found.notes)
+    assert any("the previous evidence, number 1: signed by the key given" in n for n in found.notes)
     forged = tampered(made.first, tmp_path / "forged", sign_with_own_key, signed=True)
     found = verify_bundle(made.bundle, key_file=made.public, previous=forged)
     assert found.outcome is TAMPERED
@@ -134,7 +134,7 @@ def test_the_signer_of_the_evidence_before_is_named_and_checked(made: Made, tmp_
     (unsigned / STATEMENT).write_bytes((made.third / STATEMENT).read_bytes())
     found = verify_bundle(made.bundle, key_file=made.public, previous=unsigned)
     assert found.outcome is TAMPERED
-    assert "the evidence before: " in items(found)
+    assert "the previous evidence: " in items(found)
 
 
 def other_page(folder: Path) -> None:

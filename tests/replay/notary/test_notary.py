@@ -169,8 +169,8 @@ ATTACKS: dict[str, tuple[Change, str]] = {
     "drop one": (drop(3), "number 3 is missing"),
     "drop two": (drop(3, 4), "numbers 3 to 4 are missing"),
     "drop every second": (drop(2, 4), "number 2 is missing"),
-    "drop the head": (drop(0), "does not begin with the head"),
-    "drop all": (lambda _: [], "does not begin with the head"),
+    "drop the head": (drop(0), "first line is not the head"),
+    "drop all": (lambda _: [], "first line is not the head"),
     "swap two": (swap(2, 3), "number 3 is not|missing|out of order"),
     "swap first and last": (swap(1, 6), "missing|out of order"),
     "reverse": (lambda lines: [lines[0], *lines[:0:-1]], "out of order"),
@@ -258,7 +258,7 @@ def at(number: int, **values: str) -> Callable[[int, dict[str, Any]], None]:
         (at(3, ends="2026-05-01T12:00:30Z"), "number 3 ends before it begins"),
         (
             at(3, begins="2026-04-01T11:00:00Z", ends="2026-04-01T11:01:00Z"),
-            "it came later than it was recorded, or its clock was set back",
+            "it reached the folder late, or the recorder's clock was set back",
         ),
     ],
 )
