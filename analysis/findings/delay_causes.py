@@ -174,10 +174,11 @@ def _estimate_force_lag_while_driving(
 
 
 def make_acceleration_signals_and_step_s(inputs: FindingInputs) -> tuple[float, dict[str, Floats]]:
-    """Signals proportional to the acceleration, by channel, and their sampling step.
+    """Block means of the signals that the search for delays compares, and their step.
 
     Returns:
-        Sampling step in s, and by channel the mean-free signal (n,).
+        Step in s; and the signals (n,) by name: accelerations by `speed`, `force` and `imu`, each
+        without its mean, and the speed `v`. No signals if the log is too short.
     """
     rate_hz = inputs.machine.settings.align.rate_hz
     size = count_rows_in_duration(LIMITS.delay_mean_s, rate_hz)

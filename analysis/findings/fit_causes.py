@@ -193,7 +193,7 @@ def read_fitted_cause_from_joint_fit(inputs: FindingInputs, term_name: str) -> F
 def estimate_mass_change_without_coulomb(
     inputs: FindingInputs, force: float, std: float, rival_terms: tuple[str, ...]
 ) -> MassChange | None:
-    """Change of the mass if Coulomb friction is removed; u covers that braking is its rival."""
+    """Change of the mass if Coulomb friction is removed; u includes braking as another cause."""
     change = compute_mass_change_by_refit(
         inputs,
         lambda motion: replace(motion, force=motion.force - force * motion.direction),

@@ -108,7 +108,7 @@ LOW_GEARS: Final = (*map(_make_low_gear_term, LIMITS.gear_quarter_speeds_m_s), B
 def subtract_gear_inertia(
     motion: MotionSamples, terms: Sequence[Nuisance], estimates: Floats
 ) -> MotionSamples:
-    """The motion with the force that accelerates the rotating mass of the gears removed.
+    """Copy of the motion without the force that accelerates the rotating mass of the gears.
 
     Args:
         motion: samples of a fit.
