@@ -82,7 +82,7 @@ def calibrate_loads(
         mass, or "", and `calibrated_said` a note on its mass.
 
     Raises:
-        DataError: the frame lacks the calibration's estimator.
+        DataError: the calibration's method does not estimate the masses of loads.
     """
     if calibration.method not in ESTIMATORS:
         raise DataError(
@@ -242,7 +242,7 @@ def calibrate_payload_of_load(
 def check_drift_of_empty_machine(
     load_rows: list[dict[str, Any]], calibration: Calibration, later_log: LaterLog
 ) -> DriftCheck | None:
-    """Check of the log's empty states against the known empty mass; None without either."""
+    """Check the log's empty states against the known empty mass; None if one is missing."""
     empty = [row for row in load_rows if row["empty"] and row["mass_kg"] is not None]
     if later_log.empty_kg is None or not empty or calibration.method != "joint_mass":
         return None
