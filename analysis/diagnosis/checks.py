@@ -232,7 +232,9 @@ def make_model_checks(subject: EvidenceSubject, wording: AxisQuantityNames) -> t
             f"{wording.prefix}partial_correlation",
             subject,
             _compute_partial_correlation,
-            f"partial correlation of {wording.acceleration} and {force}, given the {wording.speed}",
+            f"correlation of {wording.acceleration} and {force} with "
+            f"the {wording.speed}'s share taken "
+            "out of both",
             minimum="partial_correlation_min",
             remedy="stronger starts; force and speed of the same machine and time",
         ),
@@ -256,8 +258,8 @@ def make_model_checks(subject: EvidenceSubject, wording: AxisQuantityNames) -> t
             _compute_fraction_braked_with_opposing_torque
             if subject == "inertia"
             else _compute_fraction_braked_with_opposing_force,
-            f"fraction of the samples slowed down by the drive in which the {force} opposes the "
-            f"{moves}; 0: the {force} has no sign",
+            f"fraction of samples that the drive slows down whose {force} opposes the {moves}; 0: "
+            f"the {force} has no sign",
             minimum="opposing_share_min",
             optional=True,
             applies=lambda _, motion: bool(motion.braking.any()),
@@ -267,8 +269,8 @@ def make_model_checks(subject: EvidenceSubject, wording: AxisQuantityNames) -> t
             f"{wording.prefix}driving_share",
             subject,
             _compute_fraction_driven_by_assisting_force,
-            f"fraction of accelerating samples in which the {force} acts along the {moves}; 0.5: "
-            f"the {force} has no sign",
+            f"fraction of accelerating samples whose {force} acts along the {moves}; 0.5: the "
+            f"{force} has no sign",
             minimum="driving_share_min",
             applies=lambda _, motion: bool(motion.speeding.any()),
         ),
@@ -317,8 +319,8 @@ CHECKS: Final = (
         "negative_payload",
         "mass",
         _compute_empty_mass_shortfall_in_u,
-        "shortfall of the lightest load from the machine's empty mass, in standard uncertainties "
-        "including the scale's",
+        "lightest load below the machine's empty mass, in standard uncertainties including "
+        "the scale's",
         maximum="negative_payload_max_u",
         optional=True,
         subject_text=_describe_ratio_to_empty_mass,
@@ -328,8 +330,8 @@ CHECKS: Final = (
         "empty_mass",
         "mass",
         compute_empty_mass_difference_in_u,
-        "distance of the lightest load from the machine's empty mass, in standard uncertainties "
-        "including the scale's; if it may be a payload, only the part beyond one",
+        "lightest load from the machine's empty mass, likewise; where it may be a payload, "
+        "only the part beyond one",
         maximum="empty_mass_max_u",
         optional=True,
         subject_text=_describe_ratio_to_empty_mass,

@@ -181,7 +181,7 @@ TERMS: Final = (
         "slip",
         lambda m: (np.abs(m.speed) * m.force, None),
         lambda d, s: s.wheel_slip / d.peak_speed_m_s,
-        "longitudinal slip: the wheel speed in the friction is not the ground speed",
+        "longitudinal slip: friction of a wheel speed that is not the ground's",
         "starts at different throttles",
         "x",
     ),

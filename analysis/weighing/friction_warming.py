@@ -27,7 +27,7 @@ class WarmingShape:
 #: were 5 to 12 % off where friction fell by a quarter.
 WARMING: Final[Mapping[str, WarmingShape]] = {
     "viscous_drift": WarmingShape(
-        1, lambda x: x, "change of viscous friction over the log: oil that warms"
+        1, lambda x: x, "how much viscous friction changes over the log: oil that warms"
     ),
     "viscous_bend": WarmingShape(
         2,

@@ -279,7 +279,7 @@ def _describe_load_states(fit: JointFit, machine: Machine) -> str:
             "too little to estimate how the manoeuvres scatter"
         )
     elif machine.machine.repeatability_kg is None and not states.is_scatter_estimated:
-        said.append("repeatability unknown: too few manoeuvres to estimate how they scatter")
+        said.append("repeatability unknown: too few manoeuvres tell how they scatter")
     return "; ".join(said)
 
 

@@ -45,7 +45,7 @@ _PARTS: Final = {
     ),
     BY_PLACE: _FitPart(
         "common",
-        "a force that depends on the position on a short path: a spring, gravity",
+        "a force that depends on the place on a short path: a spring, gravity",
         "strokes at different accelerations over the same path",
     ),
     BY_GEAR: _FitPart(
@@ -96,7 +96,7 @@ _PARTS: Final = {
     ),
     "channel_noise": _FitPart(
         "common",
-        "noise of speed and acceleration, which is known only to 25 %",
+        "noise of speed and acceleration, known to a quarter",
         "a quieter accelerometer, or settings.noise",
     ),
     "learnt": _FitPart(
@@ -120,8 +120,8 @@ _PARTS: Final = {
     ),
     "braking": _FitPart(
         "common",
-        "braking and driving give different masses, and driving alone cannot decide",
-        "settings.gate.exclude_braking = true, or a force sensor that measures all braking",
+        "braking and driving say different masses, and driving alone cannot decide",
+        "settings.gate.exclude_braking = true, or a force that sees all brakes",
     ),
     "priors": _FitPart(
         "common",

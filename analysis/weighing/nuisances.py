@@ -201,7 +201,7 @@ NUISANCES: Final = (
         "s",
         lambda m: -m.force_rate,
         lambda _, s: s.lag_s,
-        "delay of the force relative to the motion",
+        "how late the force is, against the motion",
         "sharper starts, or clocks that are synchronised",
         prior_keys=("lag_s",),
         by_force_rate=lambda m: -np.ones(m.speed.size),
@@ -211,7 +211,7 @@ NUISANCES: Final = (
         "s",
         lambda m: -m.force_rate * m.progress,
         lambda _, s: s.lag_drift_s,
-        "change of the force's delay over the log: clocks that drift apart",
+        "how much later the force becomes over the log: clocks that drift apart",
         "clocks that are synchronised",
         by_force_rate=lambda m: -m.progress,
         prior_keys=("lag_drift_s",),
@@ -221,7 +221,7 @@ NUISANCES: Final = (
         "s/m",
         lambda m: np.abs(m.ground_speed_m_s) * m.force,
         lambda e, s: s.wheel_slip / e.speed_95_percentile_m_s,
-        "longitudinal slip: the wheel speed in the friction is not the ground speed",
+        "longitudinal slip: friction of a wheel speed that is not the ground's",
         "an accelerometer beside the wheel speed, or starts at different throttles",
         by_speed=lambda m: np.sign(m.speed) * m.force,
         by_force=lambda m: np.abs(m.speed),
@@ -290,8 +290,8 @@ NUISANCES: Final = (
         lambda e, s: max(
             estimate_error_fraction_and_std_of_constant(e, s)[1], LIMITS.min_offset_std_N
         ),
-        "offset of the measured force, less its expected value: the part of the constant force on "
-        "which neither slip nor load transfer acts",
+        "what the constant force has of an error of the measured force, beside what is expected "
+        "of it: neither slip nor load transfer act on it",
         "a measured force that is zeroed",
         by_speed=lambda m: -m.slip_s_m * np.sign(m.speed),
         by_acceleration=lambda m: np.full(m.speed.size, -m.load_transfer_s2_m),
@@ -302,7 +302,7 @@ NUISANCES: Final = (
         "1",
         lambda m: m.force * m.progress,
         lambda _, s: s.gain_drift,
-        "change of the force's gain over the log",
+        "how much the gain of the force changes over the log",
         "loads that come back: empty, loaded, empty",
         by_force=lambda m: m.progress,
         applies=lambda e: e.manoeuvre_count > 1,
