@@ -113,7 +113,8 @@ class _Parser:
         match = _TOKEN.match(self._text, self._at)
         if match is None:
             raise ExpressionError(
-                f"cannot read '{self._text[self._at :].strip()[:20]}' in '{self._text}'"
+                f"cannot read '{self._text[self._at :].strip()[:20]}' in '{self._text}'; write "
+                "names, numbers, [units], + - * / < > <= >=, brackets and functions"
             )
         self.kind, self.value = str(match.lastgroup), match[str(match.lastgroup)]
         self._at = match.end()
@@ -258,7 +259,7 @@ def derive_dimension_of_call(tree: Call, argument_dimensions: list[Any], registr
             one, differs = format_expression(arguments[0]), format_expression(argument)
             raise ExpressionError(
                 f"{one} is {format_dimension(values[0])}, {differs} is {format_dimension(other)}: "
-                f"the terms of a {_WORDS.get(tree.function, tree.function)} must have one dimension"
+                f"a {_WORDS.get(tree.function, tree.function)} needs terms of the same dimension"
             )
     return none if tree.function in (*_DIMENSIONLESS, *COMPARISONS) else values[0]
 

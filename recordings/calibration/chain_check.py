@@ -150,8 +150,8 @@ def _iter_chain_signer_sentences(
     machine, first = ordered_bundles[0][0].campaign.machine.id, ordered_bundles[0][0].chain
     if first.previous is not None:
         yield (
-            f"machine {machine}: the chain given begins with number {first.counter}; what is "
-            "before it was not given"
+            f"machine {machine}: the chain given begins with number {first.counter}; earlier "
+            "evidence was not given"
         )
     for document, bundle in ordered_bundles:
         yield (

@@ -127,7 +127,7 @@ def open_log(path: str | Path, *, time: TimeAxis | None = None) -> Log:
                 "rosbag2 directory"
             )
         if path.stat().st_size == 0:
-            raise LogError(f"{path}: the file is empty (0 bytes)")
+            raise LogError(f"{path}: the file is empty (0 bytes); copy it again, or leave it out")
         return opener(path, time)
     except OSError as error:
         raise LogError(f"{path}: cannot be opened: {error.strerror or error}") from error

@@ -136,7 +136,7 @@ class Rosbag2Directory:
                 f"{METADATA} names {path.name}, which is missing from the folder; copy it there"
             )
         if path.stat().st_size == 0:
-            raise LogError("the file is empty (0 bytes)")
+            raise LogError("the file is empty (0 bytes); copy it again")
         stored = path
         if path.suffix == ".zstd":
             stored = Path(self._scratch.name, path.stem)

@@ -122,7 +122,7 @@ class ParquetColumns:
             series = series.cast(pl.String)
         rows = self.rows
         if series.len() != rows:
-            raise BrokenBytesError(f"a column has {series.len():,} rows, the file {rows:,}")
+            raise BrokenBytesError(f"column '{name}' has {series.len():,} rows, the file {rows:,}")
         return series
 
     def _read_arrow_column(self, name: str) -> Any:

@@ -65,7 +65,7 @@ def test_a_gap_leaves_the_chain_incomplete(made: Made, payscope: Payscope) -> No
 def test_a_chain_that_begins_later_says_so(made: Made) -> None:
     found = chain(made, made.bundle, made.third)
     assert found.outcome is None
-    assert "begins with number 2; what is before it was not given" in found.notes[0]
+    assert "begins with number 2; earlier evidence was not given" in found.notes[0]
 
 
 def other_id(bundle: Bundle) -> None:
