@@ -87,7 +87,7 @@ def test_two_signed_of_one_number_are_a_fork(
     # and what follows the one does not follow the other
     found = chain(made, made.first, forked, made.third)
     assert found.outcome is TAMPERED
-    assert "number 3: evidence.json: chain.previous: is other evidence" in said(found)
+    assert "number 3: evidence.json: chain.previous: is not the previous evidence" in said(found)
 
 
 def test_an_older_head_cannot_be_told_and_that_is_said(made: Made) -> None:
