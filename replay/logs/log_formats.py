@@ -63,8 +63,8 @@ def _open_directory(path: Path) -> Log:
             named = join_first_names(logs, LIMITS.max_logs)
             raise LogError(f"{path}: is a folder of logs; give one of them: {named}")
         raise LogError(
-            f"{path}: has no log; a rosbag2 directory has metadata.yaml and .mcap or .db3 files, "
-            f"a converted log has {DESCRIPTION}"
+            f"{path}: contains no log; a rosbag2 directory has metadata.yaml and .mcap or .db3 "
+            f"files, a converted log has {DESCRIPTION}"
         )
     return MessageLog(path, "rosbag2 directory", Rosbag2Directory)
 
