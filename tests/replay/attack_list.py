@@ -81,8 +81,8 @@ class Attack:
 JSON_FORMS: tuple[tuple[str, bytes, str], ...] = (
     ("lists too deep", b"[" * 100_000, "nested deeper"),
     ("objects too deep", b'{"a":' * 40 + b"1" + b"}" * 40, "nested deeper"),
-    ("a number of 5000 digits", b'{"a":' + b"9" * 5000 + b"}", "a number of 5000 digits"),
-    ("an exponent too long", b'{"a":1e' + b"9" * 5000 + b"}", "a number of 5002 characters"),
+    ("a number of 5000 digits", b'{"a":' + b"9" * 5000 + b"}", "a number has 5000 digits"),
+    ("an exponent too long", b'{"a":1e' + b"9" * 5000 + b"}", "a number has 5002 characters"),
     ("infinity by exponent", b'{"a":1e999}', "the number 1e999"),
     ("NaN", b'{"a":NaN}', "it contains NaN"),
     ("a name twice", b'{"a":1,"a":2}', "a name appears twice"),
