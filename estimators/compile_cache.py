@@ -70,7 +70,7 @@ def record_that_all_loops_are_cached() -> None:
 
 
 def find_persistent_cache_folder() -> Path | None:
-    """Folder of the cache; None if no folder that outlasts the process is writable."""
+    """Find the folder of the cache; None if no folder that outlasts the process is writable."""
     folder = _find_all_cached_marker_path().parent
     return None if folder == _make_temporary_folder().parent else folder
 
@@ -80,7 +80,7 @@ def _find_all_cached_marker_path() -> Path:
 
 
 def describe_cache_state() -> str:
-    """State of the cache as text: numba's version, and the folder of each module with loops."""
+    """Describe the cache: numba's version, and the folder of each module with loops."""
     sources = (path for path in sorted(_HOUSE.glob("*/**/*.py")) if _has_compiled_loops(path))
     return "\n".join([version("numba"), *(str(known_folder_of(each)) for each in sources), ""])
 

@@ -1,17 +1,17 @@
 """The exception tree of payscope, in the lowest package so that every other can use it.
 
     PayscopeError           one line: the file, the fault, the choices, the remedy (exit status 2)
-    ├── LogError            a log cannot be opened or read as asked
+    ├── LogError            a log cannot be opened or read as requested
     ├── MachineError        a machine file, one of its settings or an override is wrong
     ├── ScenarioError       a simulation scenario is wrong
     ├── CampaignError       a campaign file of a calibration is wrong, or its runs give no reading
-    ├── EvidenceError       evidence, or a key, cannot be read or written as asked
-    ├── ReviewError         a reviewer's verdicts are wrong, or a folder is no review's
-    ├── FleetError          a fleet file, its engine, or what is asked of a fleet's results is wrong
-    ├── QueryError          a query is no SELECT over the tables there are
-    ├── RecordingError      a recording cannot be read, or does not hold what was asked for
-    ├── DataError           the samples cannot be worked with (lengths, no common time, no numbers)
-    └── OutputError         an output cannot be written, or is there already
+    ├── EvidenceError       evidence, or a key, cannot be read or written
+    ├── ReviewError         a reviewer's verdicts are wrong, or a folder cannot take a review
+    ├── FleetError          a fleet file, its engine, or a request for a fleet's results is wrong
+    ├── QueryError          a query is not a SELECT over the available tables
+    ├── RecordingError      a recording cannot be read, or lacks what was requested
+    ├── DataError           the samples cannot be used (lengths, no common time, no numbers)
+    └── OutputError         an output cannot be written, or already exists
 
 An answer of "no" (a log that cannot weigh) is a result, not an exception.
 """
@@ -68,7 +68,7 @@ class DataError(PayscopeError):
 
 
 class NoReadingError(DataError):
-    """A channel without any number in the log."""
+    """A channel has no number in the log."""
 
 
 class OutputError(PayscopeError):

@@ -200,34 +200,34 @@ class Primitive:
 
 
 def compiled(function: F) -> F:
-    """Like `estimators.compiled.compiled`, but interpreted at first."""
+    """Compile a function as `estimators.compiled.compiled` does, but interpret it at first."""
     return cast("F", CompiledLoop(function, _COMPILED))
 
 
 def compiled_without_refcounts(function: F) -> F:
-    """Like `estimators.compiled.compiled_without_refcounts`, but interpreted at first."""
+    """Compile a function without reference counts, but interpret it at first."""
     return cast("F", CompiledLoop(function, _WITHOUT_REFCOUNTS))
 
 
 def compiled_inline(function: F) -> F:
-    """Like `estimators.compiled.compiled_inline`, but interpreted at first."""
+    """Compile a function into each of its callers, but interpret it at first."""
     return cast("F", CompiledLoop(function, _INLINED))
 
 
 def compiled_for_many_iterations(count_iterations: Callable[..., int]) -> Callable[[F], F]:
-    """Like `compiled`, with a function that computes the number of iterations."""
+    """Compile a function as `compiled` does; `count_iterations` estimates the work of a call."""
     return lambda function: cast("F", CompiledLoop(function, _COMPILED, count_iterations))
 
 
 def compiled_unless_short_log(function: F) -> F:
-    """Like `compiled`, but interpreted only for a short log without a cached form."""
+    """Compile a function, but interpret it for a short log if no compiled form is cached."""
     return cast(
         "F", CompiledLoop(function, _COMPILED, find_largest_array_dimension, at_first=False)
     )
 
 
 def compiled_with_array_form(array_form: Callable[..., Any]) -> Callable[[F], F]:
-    """Like `compiled_unless_short_log`, with whole-array operations for the interpreter."""
+    """Compile a function; the interpreter uses `array_form`, which operates on whole arrays."""
     return lambda function: cast(
         "F",
         CompiledLoop(function, _COMPILED, find_largest_array_dimension, array_form, at_first=False),

@@ -184,7 +184,7 @@ def group_boom_out_times_into_dumps(
     """Spans of dumping, each first and last time in ns, joined over short pauses of one dump.
 
     Spans between which the boom does not return belong to one dump: the machine drives there with
-    its boom extended. A pause is none if it drives with the boom retracted.
+    its boom extended. If it drives with the boom retracted, two dumps are separate.
 
     Args:
         boom_out_ns: (n,) times with the boom extended while the machine hardly moves.
@@ -252,10 +252,10 @@ def find_rests_of_loads(
     digging: pl.DataFrame,
     dumps: BoomDumps,
 ) -> tuple[Bools, tuple[int, ...]]:
-    """Find the manoeuvres with the rest of a load that is dumped in parts, (manoeuvres,).
+    """Find the manoeuvres that carry the rest of a load dumped in parts.
 
-    The rest is lighter than the load, was not dug, and is dumped sooner than a cycle lasts. Where
-    the boom shows no dumps, the masses alone tell it.
+    The rest is lighter than the load, was not dug, and is dumped sooner than a cycle lasts. If the
+    boom shows no dumps, the masses alone decide.
 
     Args:
         is_loaded: (manoeuvres,) whether each is loaded.
@@ -266,7 +266,8 @@ def find_rests_of_loads(
         dumps: dumps seen in the boom angle.
 
     Returns:
-        Whether each manoeuvre carries a rest, and the times in ns at which rests are dumped.
+        Whether each manoeuvre carries a rest, (manoeuvres,); and the times in ns at which rests are
+        dumped.
     """
     if not dumps.shows_dumps:
         return mark_rests_of_loads_by_mass(is_loaded, mass_and_u_kg, start_ns, end_ns, digging), ()

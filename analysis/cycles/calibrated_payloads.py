@@ -12,7 +12,7 @@ from analysis.calibration.use.mass_differences import calibrate_mass_differences
 from analysis.cycles.empty_machine import BY_CALIBRATION, BY_EMPTY_MACHINE
 from analysis.cycles.haul_spillage import subtract_spillage_from_payload_columns
 from analysis.model.schema import MASS_KINDS, QUALITY, conform_frame_to_schema, get_column_values
-from estimators.errors import DataError, suggest_choice
+from estimators.errors import DataError
 
 #: Method of lines for the mass of a state; the other is for a difference of two masses.
 _OF_MASS: Final = "joint_mass"
@@ -42,8 +42,8 @@ def calibrate_cycles(
     """
     if calibration.method not in (_OF_MASS, _OF_PAYLOAD):
         raise DataError(
-            f"calibration: it was made for '{calibration.method}', which does not estimate "
-            f"the masses of cycles; {suggest_choice(calibration.method, (_OF_MASS, _OF_PAYLOAD))}"
+            f"calibration: method '{calibration.method}' does not estimate the masses of cycles; "
+            f"calibrate with {_OF_MASS} or {_OF_PAYLOAD}"
         )
     numbers = [("cycle", number) for number in cycles["cycle"].to_list()]
     scale_1 = get_column_values(cycles, "scale_1")

@@ -39,8 +39,8 @@ from analysis.weighing.weigh import Weighing
 from estimators.arrays import Floats
 
 _UNSEEN: Final = "dumped while nothing was recorded"
-_CONTRADICTED: Final = "at many dumps of the boom the mass does not change, or the log cannot tell"
-_HAULED_TWICE: Final = "most buckets are filled once, and hauled more than once by their masses"
+_CONTRADICTED: Final = "at many dumps of the boom the mass does not change, or not certainly"
+_HAULED_TWICE: Final = "most buckets are filled once, but their masses show more than one haul each"
 
 
 class LogCycles(NamedTuple):
@@ -181,8 +181,8 @@ def _make_cycle_time_columns(cycle: CycleParts, ready_ns: int) -> dict[str, obje
 
 def _make_cycle_note(cycle_row: dict[str, object]) -> str:
     return {
-        "weak": "uncertainty above a quarter of the payload",
-        "not dumped": "the recording ends before it is dumped",
+        "weak": "its uncertainty is above a quarter of the payload",
+        "not dumped": "the recording ends before the dump",
     }.get(str(cycle_row["quality"]), "")
 
 

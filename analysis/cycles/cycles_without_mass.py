@@ -24,7 +24,8 @@ from estimators.arrays import Ints
 def do_digs_contradict_loaded_passes(passes: LoadPasses, digging: pl.DataFrame) -> bool:
     """Whether masses alternate so often that most bucket fillings would be hauled twice.
 
-    Masses of loads too small for the ground follow other alternations, as of the direction.
+    If loads are small compared with the effects of the ground, masses alternate for other reasons,
+    such as the driving direction.
 
     Args:
         passes: the passes.

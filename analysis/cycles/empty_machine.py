@@ -58,7 +58,7 @@ class ShiftScale(NamedTuple):
     """Source of the payloads' scale.
 
     Attributes:
-        told_by: name of the source; "" if there is none.
+        told_by: what determines the scale; "" if nothing does.
         unknown: factors of the scale without a stated uncertainty, separated by commas.
         gain_1: empty mass in the log over that of the machine file; None unless the machine file
             states the uncertainty of the empty mass.

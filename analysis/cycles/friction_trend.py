@@ -47,7 +47,7 @@ class FrictionTrend(NamedTuple):
         limit_N_s_m: upper limit of the friction.
         slope_N_s_m_d: change per day.
         slope_u_N_s_m_d: standard uncertainty of the slope.
-        now_N_s_m: value of the line at the last shift.
+        now_N_s_m: friction by the line at the last shift.
         reached_d: 95 % interval of the day on which the limit is reached, since the epoch of
             `FrictionDay.at_d`; None if unknown.
         why_not: reason why `reached_d` is unknown; else "".

@@ -334,13 +334,14 @@ def mark_other_loads_of_passes(
     mass_kg: Floats,
     u_kg: Floats,
 ) -> Bools:
-    """Mark manoeuvres with a load that their pass does not end or begin with, (manoeuvres,).
+    """Mark manoeuvres whose load is not the one that defines their pass, (manoeuvres,).
 
-    A loaded machine spills, or is filled up: it dumps its last load. An empty one may carry the
-    rest of a load to another dump, or a part of the next: it is empty with its lightest load.
+    A loaded pass is defined by its last load, the one that is dumped, as the machine may spill or
+    be filled up before. An empty pass is defined by its lightest load, as the machine may carry the
+    rest of a load to another dump, or a part of the next load.
 
     Args:
-        has_load: (manoeuvres,) whether the load of each is known and plausible: not while dumping.
+        has_load: (manoeuvres,) whether the load of each is known and plausible; not while dumping.
         is_loaded: (manoeuvres,) whether each is loaded.
         pass_of_manoeuvre: (manoeuvres,) pass of each.
         state: (manoeuvres,) load state of each manoeuvre.

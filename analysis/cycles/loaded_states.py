@@ -146,10 +146,10 @@ def mark_rests_of_loads_by_mass(
     end_ns: Ints,
     digging: pl.DataFrame,
 ) -> Bools:
-    """Mark the manoeuvres with the rest of a load that is dumped in parts, (manoeuvres,).
+    """Mark the manoeuvres that carry the rest of a load dumped in parts, (manoeuvres,).
 
-    For a log whose boom shows no dumps: a load that loses more than is ever spilled has been
-    dumped in part, and the rest is no load of its own.
+    For a log whose boom shows no dumps: a load that loses more than any spillage has been dumped
+    in part, and its rest does not count as another load.
 
     Args:
         is_loaded: (manoeuvres,) whether each is loaded.

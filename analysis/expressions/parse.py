@@ -88,7 +88,8 @@ def parse_expression(text: str) -> Expression:
     """
     if len(text) > LIMITS.expression_characters:
         raise ExpressionError(
-            f"an expression has at most {LIMITS.expression_characters} characters, not {len(text)}"
+            f"the expression has {len(text)} characters; shorten it to at most "
+            f"{LIMITS.expression_characters}"
         )
     parser = _Parser(text)
     tree = parser.parse_sum(0)
@@ -112,7 +113,8 @@ class _Parser:
         match = _TOKEN.match(self._text, self._at)
         if match is None:
             raise ExpressionError(
-                f"cannot read '{self._text[self._at :].strip()[:20]}' in '{self._text}'"
+                f"cannot read '{self._text[self._at :].strip()[:20]}' in '{self._text}'; write "
+                "names, numbers, [units], + - * / < > <= >=, brackets and functions"
             )
         self.kind, self.value = str(match.lastgroup), match[str(match.lastgroup)]
         self._at = match.end()
@@ -130,7 +132,9 @@ class _Parser:
 
     def parse_sum(self, depth: int) -> Expression:
         if depth > LIMITS.bracket_depth:
-            raise ExpressionError(f"brackets nest at most {LIMITS.bracket_depth} deep")
+            raise ExpressionError(
+                f"brackets are nested more than {LIMITS.bracket_depth} deep; simplify them"
+            )
         left = self._parse_product(depth)
         while sign := self._take_token_if_one_of("+", "-"):
             left = Call(sign, (left, self._parse_product(depth)))
@@ -255,7 +259,7 @@ def derive_dimension_of_call(tree: Call, argument_dimensions: list[Any], registr
             one, differs = format_expression(arguments[0]), format_expression(argument)
             raise ExpressionError(
                 f"{one} is {format_dimension(values[0])}, {differs} is {format_dimension(other)}: "
-                f"the terms of a {_WORDS.get(tree.function, tree.function)} must have one dimension"
+                f"a {_WORDS.get(tree.function, tree.function)} needs terms of the same dimension"
             )
     return none if tree.function in (*_DIMENSIONLESS, *COMPARISONS) else values[0]
 
@@ -308,7 +312,9 @@ def find_si_gain_and_dimension(unit: str, expression: str, registry: Any) -> tup
         zero = registry.Quantity(0.0, quantity.units).to_base_units().magnitude
         base = quantity.to_base_units()
     except (pint.PintError, AttributeError, TypeError, ValueError) as error:
-        raise ExpressionError(f"{expression}: no unit '{unit}'") from error
+        raise ExpressionError(
+            f"{expression}: unknown unit '{unit}'; write it like N*m or m/s"
+        ) from error
     if zero:
         raise ExpressionError(
             f"{expression}: '{unit}' has an offset zero point, so it cannot be multiplied or "

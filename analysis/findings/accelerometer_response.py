@@ -45,7 +45,13 @@ class WheelAndImuBlocks(NamedTuple):
 
 
 class PitchCorrection(NamedTuple):
-    """Factor that corrects a pitch, and the mean square of what is left with it over before."""
+    """Factor that corrects a pitch, and the effect of the correction.
+
+    Attributes:
+        factor: factor of the pitch.
+        left_1: mean square difference of accelerometer and wheels with the factor, over that
+            without.
+    """
 
     factor: float
     left_1: float
@@ -87,7 +93,7 @@ def find_pitch_correction(inputs: FindingInputs) -> PitchCorrection | None:
     """Find the factor of the pitch with which the accelerometer fits the wheels.
 
     Returns:
-        The correction; None if the pitch fits as it is, or what corrects it is not clear.
+        The correction; None if the pitch fits as it is, or if no factor clearly corrects it.
     """
     if "pitch correction" not in inputs.cache:
         inputs.cache["pitch correction"] = fit_pitch_correction(inputs)
@@ -95,7 +101,7 @@ def find_pitch_correction(inputs: FindingInputs) -> PitchCorrection | None:
 
 
 def fit_pitch_correction(inputs: FindingInputs) -> PitchCorrection | None:
-    """The same, computed from the log."""
+    """Compute the result of `find_pitch_correction`, which caches it."""
     blocks = average_wheels_and_imu_while_driving(inputs)
     if blocks is None or not inputs.select_measured_channels(_PITCH):
         return None

@@ -81,7 +81,7 @@ def does_exclusion_keep_answer(
     exclusion: ExcludedStretches | None,
     refit: Callable[[], MassChange | None] | None = None,
 ) -> bool | None:
-    """Whether the answer stays the same without the stretches; None if that is not known."""
+    """Whether the mass stays the same if the stretches are excluded; None if unknown."""
     if inputs.log_only_fit is None:
         return None
     if exclusion is not None:
@@ -94,7 +94,7 @@ def does_exclusion_keep_answer(
 
 
 def find_noiseless_stretches_ns(inputs: FindingInputs, channel: str) -> list[tuple[int, int]]:
-    """Long repeats in motion of a channel that else never repeats: start and end in Unix ns."""
+    """Start and end, in Unix ns, of long repeats in motion of a channel that else never repeats."""
     signals = inputs.check_inputs.signals
     if signals is None:
         return []
@@ -118,7 +118,7 @@ def find_noiseless_stretches_ns(inputs: FindingInputs, channel: str) -> list[tup
 def does_machine_stand_between(
     inputs: FindingInputs, channel: str, start_unix_ns: int, end_unix_ns: int
 ) -> bool:
-    """Whether the machine stands throughout; judged by the force if a speed may be stuck."""
+    """Whether the machine stands between two stamps; the force decides if a speed may be stuck."""
     edges_ns = inputs.convert_unix_to_aligned_ns(
         start_unix_ns + LIMITS.stand_edge_ns, end_unix_ns - LIMITS.stand_edge_ns
     )
@@ -178,7 +178,7 @@ def find_clipped_force(inputs: FindingInputs) -> list[Symptom]:
 
 
 def find_speed_stuck_at_its_largest(inputs: FindingInputs) -> list[Symptom]:
-    """Find a speed that is frozen at its largest reading whenever it is, while others change."""
+    """Find a speed that freezes only at its largest reading, while other channels change."""
     signals = inputs.check_inputs.signals
     if signals is None:
         return []
@@ -291,7 +291,7 @@ def find_contradicted_wheel_speed_and_scale(
 def estimate_mass_change_by_smaller_side(
     inputs: FindingInputs, difference: SideDifference
 ) -> MassChange | None:
-    """Mass change if the smaller side is wrong, with u as large, as the larger may be wrong."""
+    """Mass change if the smaller side is wrong; u equals it, as the larger side may be wrong."""
     if inputs.log_only_fit is None or difference.side_ratio_1 <= -1.0:
         return None
     kg = abs(inputs.log_only_fit.mass_kg) * (2.0 / (1.0 + max(difference.side_ratio_1, 0.0)) - 1.0)
@@ -299,7 +299,7 @@ def estimate_mass_change_by_smaller_side(
 
 
 def bound_mass_change_by_wheel_speed_error(inputs: FindingInputs) -> MassChange | None:
-    """Mass change of 0 with half the answer's uncertainty; None without an accelerometer."""
+    """Mass change of 0, with half the answer's u as its u; None without an accelerometer."""
     fit = inputs.log_only_fit
     return (
         None if fit is None or not fit.motion.by_accelerometer else MassChange(0.0, 0.5 * fit.u_kg)

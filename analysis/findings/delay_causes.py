@@ -174,10 +174,11 @@ def _estimate_force_lag_while_driving(
 
 
 def make_acceleration_signals_and_step_s(inputs: FindingInputs) -> tuple[float, dict[str, Floats]]:
-    """Signals proportional to the acceleration, by channel, and their sampling step.
+    """Block means of the signals that the search for delays compares, and their step.
 
     Returns:
-        Sampling step in s, and by channel the mean-free signal (n,).
+        Step in s; and the signals (n,) by name: accelerations by `speed`, `force` and `imu`, each
+        without its mean, and the speed `v`. No signals if the log is too short.
     """
     rate_hz = inputs.machine.settings.align.rate_hz
     size = count_rows_in_duration(LIMITS.delay_mean_s, rate_hz)
@@ -247,8 +248,8 @@ def find_delays_between_force_sources(inputs: FindingInputs) -> list[Symptom]:
         found.append(
             Symptom(
                 lag_s / max(LIMITS.source_delay_s, LIMITS.source_delay_std * std_s),
-                f"{1e3 * lag_s:.1f} ± {1e3 * std_s:.1f} ms late relative to {other}, or that one "
-                "is early",
+                f"{1e3 * lag_s:.1f} ± {1e3 * std_s:.1f} ms late relative to {other}, or {other} is "
+                "early",
                 channel=late,
                 setting=setting,
                 value=value,
@@ -311,7 +312,7 @@ def _make_delay_symptom(inputs: FindingInputs, fitted_cause: FittedCause) -> Sym
     said = f"{size} {words} relative to {against}"
     if not inputs.has_accelerometer:
         other = "early" if delay_s > 0.0 else "late"
-        said += f", or the {against} is {other}: two channels cannot tell which"
+        said += f", or the {against} is {other}: two channels cannot show which"
     elif rivals:
         said += (
             f"; it is equally likely that the {' or '.join(_SHOWN[each] for each in rivals)} is "
@@ -355,15 +356,15 @@ def _make_long_delay_symptom(inputs: FindingInputs, long_delay: LongDelay) -> Sy
     )
     against = " and ".join(_SHOWN[each] for each in rest)
     others = (
-        f", or the {_SHOWN[long_delay.rival]} is early: two channels cannot tell which"
+        f", or the {_SHOWN[long_delay.rival]} is early: two channels cannot show which"
         if long_delay.rival
         else ""
     )
     return Symptom(
         LIMITS.long_delay_rank,
         f"{abs(long_delay.delay_s):.2f} s {words} relative to {against}: the correlation is "
-        f"{long_delay.correlation[0]:.2f} with this shift, without it "
-        f"{long_delay.correlation[1]:.2f}{others}",
+        f"{long_delay.correlation[0]:.2f} with this shift and "
+        f"{long_delay.correlation[1]:.2f} without{others}",
         channel=next(iter(names), None),
         setting=setting if names else None,
         value=value if names else None,

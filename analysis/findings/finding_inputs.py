@@ -124,7 +124,7 @@ class FindingInputs:
 
     @cached_property
     def is_resting_sample(self) -> Bools:
-        """Standstill samples, (n,), away from motion, since a machine swings after a stop."""
+        """Whether each sample is at standstill and not just before or after motion, (n,)."""
         near = ~self.is_standing_sample
         after, before = (
             round(s * self.machine.settings.align.rate_hz)
@@ -225,7 +225,7 @@ class FindingInputs:
     def propose_valid_range_settings(self, name: str) -> tuple[str | None, str | None]:
         """Key and value that leave out readings far outside all others, such as error codes.
 
-        None where no reading is, or where the channel is derived.
+        Both are None if no reading is far outside, or if the channel is derived.
         """
         readings, channel = self.unfiltered_readings[name][1], self.machine.channels.get(name)
         middle = float(np.median(readings))
@@ -245,7 +245,7 @@ class FindingInputs:
         return f"channels.{name}.valid_range", f"[{lowest:.4g},{highest:.4g}]"
 
     def propose_kinematic_acceleration_settings(self) -> tuple[str, str]:
-        """Keys and values that take an accelerometer without gravity as the acceleration."""
+        """Keys and values that declare the accelerometer's readings as free of gravity."""
         channel = self.machine.channels["specific_force_x_m_s2"].model_dump(exclude_defaults=True)
         values = {f"channels.acc_x_m_s2.{name}": value for name, value in channel.items()}
         values = {"settings.forces.acceleration": "kinematic"} | values

@@ -159,7 +159,7 @@ def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
                 float(np.sqrt(fitted.gain)) / LIMITS.term_min_std,
                 force / (LIMITS.trusted_coulomb_fraction * motion.force_95_percentile_newtons),
             ),
-            f"{format_force_and_std(force, fitted.std)} oppose the motion at any speed",
+            f"{format_force_and_std(force, fitted.std)} of friction oppose the motion at any speed",
             setting=f"settings.forces.coulomb, settings.priors.{prior}",
             value=f"true, {share:.3f}",
             change=lambda: estimate_mass_change_without_coulomb(inputs, force, fitted.std, others),
@@ -193,7 +193,7 @@ def read_fitted_cause_from_joint_fit(inputs: FindingInputs, term_name: str) -> F
 def estimate_mass_change_without_coulomb(
     inputs: FindingInputs, force: float, std: float, rival_terms: tuple[str, ...]
 ) -> MassChange | None:
-    """Change of the mass if Coulomb friction is removed; u covers that braking is its rival."""
+    """Change of the mass if Coulomb friction is removed; u includes braking as another cause."""
     change = compute_mass_change_by_refit(
         inputs,
         lambda motion: replace(motion, force=motion.force - force * motion.direction),

@@ -62,7 +62,7 @@ class FittedCause:
 
 
 def rank_causes_by_likelihood(inputs: FindingInputs) -> Mapping[str, FittedCause]:
-    """Causes by name, ranked by their gain in likelihood, the selected ones first."""
+    """Rank the causes by their gain in likelihood, those that were selected first; by name."""
     if "selected_causes" not in inputs.cache:
         inputs.cache["selected_causes"] = _select_causes_stepwise(inputs)
     return inputs.cache["selected_causes"]  # type: ignore[return-value]
@@ -227,7 +227,7 @@ def correct_delay_iteratively(
     selected_causes: list[str],
     delay_cause: FittedCause,
 ) -> tuple[MotionSamples, FittedCause]:
-    """Correct the delay of a channel repeatedly until it converges; motion and total delay."""
+    """Correct a channel's delay until it converges; return the motion and the total delay."""
     channel, total, std = delay_cause.name.partition(":")[2], 0.0, delay_cause.std
     begun, step = motion, delay_cause.value
     for _ in range(LIMITS.delay_rounds):

@@ -114,10 +114,10 @@ def find_drift_of_empty_mass(inputs: FindingInputs) -> list[Symptom]:
 
 
 def find_step_of_lightest_load(inputs: FindingInputs) -> list[Symptom]:
-    """Find a time after which the machine returns to another lightest load than before it.
+    """Find a time before and after which the lightest recurring load differs.
 
-    Loads come and go, but the empty machine comes back: if the lightest load does on both sides of
-    a time, with another mass, the scale of force or speed may have changed there, or the machine.
+    The empty machine recurs: if the lightest load recurs on both sides of a time, but with another
+    mass, the scale of force or speed may have changed at that time, or the machine.
     """
     fit = inputs.log_only_fit
     if fit is None or fit.states is None:

@@ -27,7 +27,7 @@ MotionCorrection = Callable[[MotionSamples], MotionSamples]
 def compute_mass_change_by_refit_without_samples(
     inputs: FindingInputs, excluded_rows: Bools
 ) -> MassChange | None:
-    """Change of the mass without some samples; u covers that a replay may accept other starts.
+    """Change of the mass without some samples; u allows for other starts in a replay.
 
     Args:
         inputs: the log.
@@ -43,7 +43,7 @@ def compute_mass_change_by_refit_with_answer_u(
 ) -> MassChange | None:
     """Change of the mass by a refit of the corrected motion, with the answer's u added to its u.
 
-    The addition covers that a replay may accept other starts than this refit.
+    The addition allows for a replay that accepts other starts than this refit.
 
     Args:
         inputs: the log.

@@ -125,9 +125,9 @@ def find_resonance_of_residual(inputs: FindingInputs) -> list[Symptom]:
         return [
             Symptom(
                 spring.t / LIMITS.named_term_min_std,
-                f"the mass swings at {1.0 / (2.0 * np.pi * np.sqrt(spring.value)):.1f} Hz against "
-                "the place where its motion is measured: something between them flexes; with "
-                f"it the mass changes by {effect_kg:+.3g} kg, and it is not corrected",
+                f"the mass swings at {1.0 / (2.0 * np.pi * np.sqrt(spring.value)):.1f} Hz relative "
+                "to the motion sensor, so a part between them flexes; a model with it changes the "
+                f"mass by {effect_kg:+.3g} kg, which is not corrected",
                 channel=next(iter(inputs.speed_channels), None),
                 change=lambda: MassChange(0.0, abs(effect_kg)),
             )
@@ -225,7 +225,7 @@ def find_warming_friction(inputs: FindingInputs) -> list[Symptom]:
         Symptom(
             abs(warming.t) / LIMITS.named_term_min_std,
             f"the resistance {way} by {abs(warming.value):.0f} ± {std_N:.0f} N over the log, most "
-            f"of it at the beginning; with it a mass changes by {effect_kg:+,.0f} kg",
+            f"of it at the beginning; modelling it changes a mass by {effect_kg:+,.0f} kg",
             change=lambda: MassChange(0.0, abs(effect_kg)),
         )
     ]
@@ -247,8 +247,8 @@ def find_missing_model_term(inputs: FindingInputs) -> list[Symptom]:
         Symptom(
             abs(found.t) / LIMITS.named_term_min_std,
             f"{found.term.meaning}: this term is {abs(found.t):.1f} standard deviations from 0, "
-            f"and with it the mass changes by {effect_kg:+.0f} kg; which term is the true one is "
-            "not known, so the mass is not corrected",
+            f"and changes the mass by {effect_kg:+.0f} kg; the mass is not corrected, since it is "
+            "not known which term is the true one",
             channel=inputs.force_channel,
             change=lambda: MassChange(0.0, abs(effect_kg)),
         )
@@ -265,9 +265,9 @@ def _find_force_nonlinear_in_acceleration(inputs: FindingInputs) -> list[Symptom
         Symptom(
             abs(curvature.t) / inputs.machine.settings.verdict.curvature_t_max,
             "the force is not linear in the acceleration: a term in a·|a| is "
-            f"{abs(curvature.t):.1f} standard deviations from 0, and with it the mass changes by "
-            f"{curvature.mass_change_kg:+,.0f} kg; a force that is compressed near its limit, or "
-            "not measured on all wheels, so the mass is not corrected",
+            f"{abs(curvature.t):.1f} standard deviations from 0, and changes the mass by "
+            f"{curvature.mass_change_kg:+,.0f} kg; the mass is not corrected, since the force may "
+            "be compressed near its limit or not be measured on all wheels",
             channel=inputs.force_channel,
             change=lambda: MassChange(0.0, abs(curvature.mass_change_kg)),
         )

@@ -20,7 +20,7 @@ from estimators.errors import format_count
 
 
 class LatencyStep(NamedTuple):
-    """Index and height of a step of the latency, and the standard deviation around it."""
+    """A step of the latency: index, height, and standard deviation about the levels beside it."""
 
     step_index: int
     height_s: float

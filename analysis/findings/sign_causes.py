@@ -152,8 +152,8 @@ def make_pitch_symptom(inputs: FindingInputs, pitch: PitchCorrection) -> Symptom
     )
     return Symptom(
         LIMITS.sign_rank,
-        f"taken {reading}, the pitch explains all but {pitch.left_1:.1%} of what accelerometer and "
-        "wheels differ by (mean square)",
+        f"taken {reading}, the pitch explains all but {pitch.left_1:.1%} of the mean square "
+        "difference between accelerometer and wheels",
         channel="pitch_rad",
         setting=setting,
         value=value,

@@ -37,7 +37,7 @@ class ChannelSpikes:
 
     @property
     def strength(self) -> float:
-        """Distance of the farthest spike over its detection threshold; more spikes are surer."""
+        """Distance of the farthest spike over its threshold; larger for more spikes."""
         often = float(np.sqrt(min(self.unix_ns.size, 25)))
         return self.largest_distance_std / LIMITS.spike_std * often / LIMITS.single_spike_ratio
 

@@ -40,8 +40,8 @@ def find_unsigned_speed(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             LIMITS.sign_rank * fewer / LIMITS.unsigned_reverse_fraction,
-            f"its readings are never below zero, although forces of both signs make it rise alike "
-            f"({fewer:.0%} of the driving is in the other direction)",
+            "its readings are never below zero, although the force drives the machine both ways "
+            f"({fewer:.0%} of the driving is in the rarer direction)",
             channel=names[0],
         )
     ]
@@ -77,7 +77,7 @@ def _find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             LIMITS.sign_rank,
-            f"its readings reach {high:.3g} and are not below zero, although the machine "
+            f"its readings reach {high:.3g} and are never below zero, although the machine "
             + (
                 "drives in reverse"
                 if backwards
@@ -95,7 +95,7 @@ def drives_in_reverse(straight: AxisMotion) -> bool:
 
 
 def pushes_forwards_in_reverse(straight: AxisMotion) -> bool:
-    """Whether the force is far above zero where the machine reverses, and not that of a roll."""
+    """Whether the force in reverse is far above zero, and so is not that of rolling."""
     reverses = straight.complete & (straight.speed_or_yaw_rate < -LIMITS.reverse_speed_m_s)
     largest_N, reversing_N = (
         np.quantile(straight.f[each], 0.99) for each in (straight.complete, reverses)
@@ -110,7 +110,7 @@ def is_negative_only_by_noise(straight: AxisMotion) -> bool:
 
 
 def pushes_while_braking(straight: AxisMotion) -> bool:
-    """Whether the force is far above zero in most of the samples that slow down."""
+    """Whether the force is far above zero in most samples in which the machine slows down."""
     far_N = LIMITS.unsigned_force_fraction * np.quantile(straight.f[straight.complete], 0.99)
     return bool(np.median(straight.f[straight.braking]) > far_N)
 

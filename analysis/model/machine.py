@@ -241,11 +241,9 @@ class Machine(BaseModel):
                     f"channels.{name}: there is no channel of this name; "
                     f"{suggest_choice(name, known)}"
                 )
-            if (
-                channel.angle_and_quaternion_field
-                and name != f"{channel.angle_and_quaternion_field[0]}_rad"
-            ):
-                raise ValueError(f"channels.{name}: '{channel.derive}' does not compute {name}")
+            angle = channel.angle_and_quaternion_field
+            if angle and name != f"{angle[0]}_rad":
+                raise ValueError(f"channels.{name}: '{channel.derive}' computes {angle[0]}_rad")
             for source in channel.direct_source_channels:
                 if source not in self.channels:
                     raise ValueError(f"channels.{name}: '{source}' is not a channel; add it")

@@ -127,8 +127,9 @@ class Body(BaseModel):
         weighed, here = self.empty_mass_attachment, self.attachment
         if weighed is not None and here is not None and weighed != here:
             raise ValueError(
-                f"was weighed with '{weighed}' (empty_mass_attachment) and carries '{here}' "
-                "(attachment); give the empty mass with that attachment, or leave empty_mass_kg out"
+                f"empty_mass_kg is with attachment '{weighed}' (empty_mass_attachment), but the "
+                f"machine carries '{here}' (attachment); give the empty mass with '{here}', or "
+                "leave empty_mass_kg out"
             )
         return self
 

@@ -56,7 +56,9 @@ def find_gain_and_offset_to_si(unit: str, si_unit: str) -> tuple[float, float]:
     try:
         zero, one = (registry.Quantity(x, unit).to(target).magnitude for x in (0.0, 1.0))
     except pint.DimensionalityError as error:
-        raise MachineError(f"unit {unit!r} cannot be converted to {si_unit}") from error
+        raise MachineError(
+            f"unit {unit!r} cannot be converted to {si_unit}; correct the unit"
+        ) from error
     except (pint.PintError, *_UNREADABLE) as error:
         raise MachineError(
             f"no unit {unit!r}; write for example 'km/h', 'deg/s' or 'kN'"

@@ -88,7 +88,7 @@ def estimate_load_squat(
         route: route between loading and dumping, along which the grade changes; None if unknown.
 
     Returns:
-        The change; None if it is undetermined.
+        The change; None if the motion does not determine it.
     """
     if wheels.pitch_shows_squat:
         gain, variance = estimate_gain_change_by_squat_and_variance(
@@ -132,7 +132,7 @@ def estimate_load_squat(
 def estimate_gain_change_by_squat_and_variance(
     load_transfer_fraction: float, pitch_change: tuple[float, float] | None
 ) -> tuple[float, float]:
-    """Change of gain with the load, and its variance, from the squat of the body.
+    """Change of the accelerometer's gain with the load, and its variance, from the squat.
 
     Linear springs deflect in proportion to the mass on them.
 
@@ -160,8 +160,10 @@ def make_centred_stretches(
     loads: RelativeLoads,
     route: HaulRoute | None,
 ) -> list[_Stretch]:
-    """Centred columns (means, columns), response, time and load of each stretch.
+    """Make the rows of the comparison for each stretch, with the means removed.
 
+    A stretch is a tuple of columns (means, columns), response (means,), time (means,) in s and
+    relative load.
     The first four columns are gain by load, gain, slip and delay; those of the grade follow: its
     level and its change over each part of the route.
     """
@@ -232,7 +234,7 @@ def estimate_gain_change_by_pitch_and_variance(
     """Change of the accelerometer's gain for the reference load from the pitch, and its variance.
 
     Returns:
-        None if the change is undetermined.
+        The change and its variance; None if the motion does not determine it.
     """
     assert motion.specific_force is not None
     assert motion.without_gravity is not None
@@ -263,7 +265,7 @@ class GainChangeByLoad:
     """Change of gain with the load, estimated from the wheels.
 
     Attributes:
-        gain: change for a load of the reference mass.
+        gain: change of the gain for a load of the reference mass.
         variance: cluster-robust variance of the change.
         residual_ratio: r.m.s. difference of wheels and accelerometer with the change, over that
             without it.

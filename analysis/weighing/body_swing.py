@@ -50,9 +50,10 @@ class BodySwing:
     damping_1: float = 1.0
 
     def copy_with_swing_of_squat(self, squat_1: float) -> "BodySwing":
-        """Swing of a reading with gravity, from this one of a reading without it.
+        """Copy with the swing of a reading that includes the gravity of the pitch.
 
-        `squat_1` is the squat whose gravity was removed by the pitch.
+        Args:
+            squat_1: squat whose gravity the pitch removed from the reading of this swing.
         """
         return replace(self, lever_s2=self.lever_s2 - squat_1 / self.omega_1_s**2)
 
@@ -260,7 +261,7 @@ def _compute_lagged_differences_of_column(column: Floats, spans: Ints, lag_in_me
 
 
 def subtract_swing_from_accelerometer(motion: MotionSamples, swing: BodySwing) -> MotionSamples:
-    """The motion with the swing removed from its accelerometer."""
+    """Copy of the motion with the swing subtracted from its accelerometer."""
     assert motion.specific_force is not None
     swing_m_s2 = swing.compute_swing_acceleration_m_s2(motion.specific_force, motion.rate_hz)
     level = motion.without_gravity

@@ -65,8 +65,8 @@ def list_notes_on_outdated_tickets(body: Body, start_ns: int) -> list[str]:
         return []
     apart = f"{abs(days)} day{'s' * (abs(days) > 1)} {'before' if days > 0 else 'after'} this log"
     return [
-        f"the empty machine was weighed on {weighed}, {apart}: what fuel, operator, mud and "
-        "attachment have changed since belongs to machine.empty_mass_u_kg"
+        f"the empty machine was weighed on {weighed}, {apart}: include changes of fuel, operator, "
+        "mud and attachment between the two days in machine.empty_mass_u_kg"
     ]
 
 
@@ -141,7 +141,7 @@ class EmptyMachine:
             return ""
         here_kg = self.mass_with_rotating_parts_kg - self._body.rotating_mass_kg
         return (
-            f"empty_mass: the empty machine weighs {here_kg:,.0f} ± {u_kg:,.0f} kg here, and "
+            f"empty_mass: the empty machine weighs {here_kg:,.0f} ± {u_kg:,.0f} kg here, but "
             f"{self._body.empty_mass_kg:,.0f} kg by its machine file"
         )
 

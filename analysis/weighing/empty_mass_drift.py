@@ -49,9 +49,9 @@ class EmptyMassDrift:
     def compute_mass_responses_kg(self, masses_kg: Floats) -> Floats:
         """(3, masses) response of each mass to a gain with this drift, in kg.
 
-        The first row is for a gain that holds at either end of the log. The second is the course of
-        the gain by the empty masses nearby, the third half their change from before a load to after
-        it: the last two do not cancel in the ratio to the mean empty mass.
+        Row 0: the stated gain holds at one end of the log, it is not known which. Row 1: the gain
+        follows the empty masses before and after each state. Row 2: half their change from before a
+        state to after it. Rows 1 and 2 do not cancel in the ratio to the mean empty mass.
         """
         before_1, after_1 = self.nearby_1
         course_1 = (before_1 + after_1) / 2.0, (before_1 - after_1) / 2.0

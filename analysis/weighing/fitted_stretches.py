@@ -211,7 +211,7 @@ def extend_manoeuvres_to_break_away(
 
 
 def assign_one_way_run_numbers(manoeuvre_of_sample: Ints, speed: Floats, has_reversal: int) -> Ints:
-    """Number the runs that move one way, (n,), -1 elsewhere: a reversal turns friction."""
+    """Number the runs in one direction, (n,), -1 elsewhere: friction reverses with the motion."""
     used = manoeuvre_of_sample >= 0
     forwards = average_three_speed_samples(speed) > 0.0
     turns = np.append(False, (forwards[1:] != forwards[:-1]) & used[1:] & used[:-1])
@@ -225,7 +225,7 @@ def assign_one_way_run_numbers(manoeuvre_of_sample: Ints, speed: Floats, has_rev
 def clear_stretch_numbers_at_noise_speed(
     stretch_of_sample: Ints, speed: Floats, noise_m_s: float
 ) -> Ints:
-    """Stretch of each sample, (n,); -1 where its speed never exceeds the noise: no starts.
+    """Stretch of each sample, (n,); -1 for stretches whose speed never exceeds the noise.
 
     If the noise is below the motion threshold, slow samples count as motion.
     """
@@ -283,10 +283,10 @@ def mark_rows_from_dig_to_standstill(
 ) -> Bools:
     """Mark the rows from a digging start until the machine stands or turns back, (n,).
 
-    The pile takes a part of the force, and brakes what leaves it no other way. Where braking counts
-    as driving, a manoeuvre is as long as the log, so the gate alone does not keep them out. What a
-    pile has stopped lurches forwards as the bucket is lifted: that is marked as well, with the
-    stand before it, so that the load changes where the machine digs.
+    The pile takes a part of the force and slows the machine. If braking counts as driving, a
+    manoeuvre can be as long as the log, so the gate alone does not exclude these rows. A machine
+    stopped by a pile lurches forwards as its bucket is lifted: the lurch is marked as well, with
+    the standstill before it, so that the load changes where the machine digs.
 
     Args:
         aligned: grid, with `digs` if known.

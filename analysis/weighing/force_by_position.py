@@ -54,7 +54,7 @@ def _make_load_proportional_term(term: Nuisance) -> Nuisance:
         term,
         name=f"{term.name}_by_load",
         column=make_load_column,
-        meaning=f"{term.meaning}; in proportion to the load",
+        meaning=f"{term.meaning}; proportional to the load",
         by_load=True,
     )
 

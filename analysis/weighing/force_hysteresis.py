@@ -34,9 +34,9 @@ HYSTERESIS: Final = Nuisance(
     "N",
     lambda m: -m.force_rises_1,
     compute_hysteresis_half_loop_prior_std_newtons,
-    "a force that reads less while it rises and more while it falls: friction in its sensor or "
-    "behind it",
-    "a force without hysteresis: a torque at the wheels instead of a pressure or a current",
+    "a force that reads less while it rises and more while it falls: friction in the sensor, or "
+    "between it and the wheels",
+    "a force without hysteresis: wheel torque instead of pressure or current",
     # noise that makes the force appear to rise is also in the force itself
     by_force=lambda m: np.full(m.force.size, -m.rises_by_force_1_N),
 )

@@ -32,11 +32,11 @@ WARMING: Final[Mapping[str, WarmingShape]] = {
     "viscous_bend": WarmingShape(
         2,
         lambda x: x**2 - LIMITS.progress_mean_square,
-        "how much of that change comes early or late: oil warms fast at first",
+        "curvature of the change of viscous friction: oil warms fast at first",
     ),
     "viscous_cubic": WarmingShape(
         3,
         lambda x: x * (x**2 - LIMITS.progress_cube_slope),
-        "how that change levels off: oil that is warm stays so",
+        "levelling-off of the change of viscous friction: warm oil stays warm",
     ),
 }

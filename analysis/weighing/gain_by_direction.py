@@ -40,7 +40,7 @@ GAIN_BY_DIRECTION: Final = Nuisance(
     "1",
     lambda m: m.force * m.direction,
     lambda _, __: 1e9,
-    "a force that is read with another gain in reverse",
+    "a force sensor whose gain differs in reverse",
     "the gain of each direction, by a known load or a known pull",
     by_force=lambda m: m.direction,
 )

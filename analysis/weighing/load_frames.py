@@ -275,8 +275,8 @@ def _describe_load_states(fit: JointFit, machine: Machine) -> str:
         )
     if states.assumes_scatter:
         said.append(
-            f"repeatability assumed, {states.scatter_kg:.3g} kg: the load changes so often and so "
-            "little that the manoeuvres cannot tell how they scatter"
+            f"repeatability assumed, {states.scatter_kg:.3g} kg: the load changes too often and by "
+            "too little to estimate how the manoeuvres scatter"
         )
     elif machine.machine.repeatability_kg is None and not states.is_scatter_estimated:
         said.append("repeatability unknown: too few manoeuvres tell how they scatter")

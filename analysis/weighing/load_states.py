@@ -262,7 +262,7 @@ def _count_load_reversals(states: Partition) -> int:
 def find_alternative_partition(
     masses: UnitLevels, best: Partition, other: Partition | None, other_probability: float
 ) -> AlternativePartition | None:
-    """The other partition, if it is probable enough to be considered; else None."""
+    """Make the alternative partition from `other`; None if it is too improbable."""
     doubted = LIMITS.single_load_min_probability
     if best.stretch_count == 1:
         doubted = LIMITS.several_loads_min_probability
@@ -307,7 +307,7 @@ def compute_weighted_mean_mass_by_state_kg(
 
 
 class ScatterAboutStates(NamedTuple):
-    """Scatter of masses about their states, as `LoadStates` has it."""
+    """Scatter of masses about their states; see the attributes of `LoadStates`."""
 
     scatter_kg: float
     degrees_of_freedom: float

@@ -95,7 +95,7 @@ BY_GEAR_RATIO: Final = Nuisance(
     lambda motion, priors: (
         LIMITS.gear_ratio_prior_ratio * _compute_low_gear_prior_std_kg(motion, priors)
     ),
-    "rotating mass of engine or turbine in the lowest gear, which goes with the ratio squared",
+    "rotating mass of engine or turbine in the lowest gear, proportional to the squared ratio",
     "starts in several gears",
     by_acceleration=lambda m: m.relative_gear_ratio**2,
     applies=has_several_gear_ratios,
@@ -108,7 +108,7 @@ LOW_GEARS: Final = (*map(_make_low_gear_term, LIMITS.gear_quarter_speeds_m_s), B
 def subtract_gear_inertia(
     motion: MotionSamples, terms: Sequence[Nuisance], estimates: Floats
 ) -> MotionSamples:
-    """The motion with the force that accelerates the rotating mass of the gears removed.
+    """Copy of the motion without the force that accelerates the rotating mass of the gears.
 
     Args:
         motion: samples of a fit.

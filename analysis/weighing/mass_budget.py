@@ -70,8 +70,8 @@ _PARTS: Final = {
     ),
     "drifted_gain": _FitPart(
         "common",
-        "the gain of the force drifts over the log: at which end it has its stated value is not "
-        "known",
+        "the gain of the force drifts over the log, and it is not known at which end it has its "
+        "stated value",
         "a force sensor at its working temperature; known loads at both ends of the log",
     ),
     "squat": _FitPart(
@@ -81,12 +81,12 @@ _PARTS: Final = {
     ),
     "misfit": _FitPart(
         "common",
-        "a residual that every start has and the model does not explain",
+        "a residual common to all starts that the model does not explain",
         "finding its cause: filters, brakes, tyres",
     ),
     "lag_shape": _FitPart(
         "common",
-        "a late force that is neither plainly delayed nor plainly low-passed",
+        "a lag of the force that is neither a pure delay nor a pure low-pass",
         "the force without its filter",
     ),
     "averaging": _FitPart(
@@ -130,13 +130,13 @@ _PARTS: Final = {
     ),
     "gain_by_direction": _FitPart(
         "common",
-        "a force that is read with another gain in reverse: which direction is right is not known",
+        "the gain of the force differs in reverse, and it is not known which direction is right",
         "the gain of each direction: machine.force_gain_in_reverse",
     ),
     "missing_term": _FitPart(
         "common",
         "a gain of the force that changes with the speed, the force or its direction of change, "
-        "or a speed that is not linear: this log shows one",
+        "or a nonlinear speed: this log shows one of them",
         "a force at the wheels from a sensor that is linear; starts at different throttles",
     ),
     "warming": _FitPart(
@@ -147,8 +147,8 @@ _PARTS: Final = {
     ),
     "elasticity": _FitPart(
         "common",
-        "something that flexes between the mass and the place where its motion is measured, by "
-        "which it swings: this log shows one",
+        "a part that flexes between the mass and the motion sensor, so that the mass swings: this "
+        "log shows it",
         "the motion of the mass itself, by an accelerometer or encoder on it; starts without jerks",
     ),
     "growth": _FitPart(
@@ -161,7 +161,7 @@ _PARTS: Final = {
     "curvature": _FitPart(
         "common",
         "a force that is not linear in the acceleration",
-        "force measured on all wheels; brakes that are seen whole",
+        "force measured on all wheels; a force sensor that measures all braking",
     ),
 }
 
@@ -209,7 +209,7 @@ def make_mass_budget(
                 "rotating_mass",
                 "scale",
                 rotating_u_kg,
-                "wheels and motors that turn as the machine gains speed",
+                "rotating mass of wheels and motors",
                 "known loads, or the drawings of the driveline",
             )
         )

@@ -41,8 +41,8 @@ ELASTICITY: Final = Nuisance(
     "s²",
     lambda m: -m.force_bend,
     lambda _, __: LIMITS.elasticity_prior_std_s2,
-    "a belt, rope, coupling or frame that flexes between the mass and where its motion is measured",
-    "the motion of the mass itself; starts without jerks",
+    "a belt, rope, coupling or frame that flexes between the mass and the motion sensor",
+    "a motion sensor on the mass itself; starts without jerks",
     source="elasticity",
 )
 
@@ -154,7 +154,7 @@ def list_scaled_terms_absent_from_model(fit: JointFit) -> tuple[Nuisance, ...]:
                 f"gain_step_at_{share:.0%}",
                 _make_low_speed_indicator_function(share * speed_m_s),
                 np.zeros_like,
-                "a gain of the force, or a scale of the speed, that steps where a gear is changed",
+                "a gain of the force, or a scale of the speed, that steps at a change of gear",
             )
             for share in LIMITS.gain_step_fractions
         ),

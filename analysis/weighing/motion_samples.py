@@ -159,7 +159,7 @@ class MotionSamples:
 
     @cached_property
     def pieces_split_between_stretches(self) -> tuple["MotionSamples", ...]:
-        """Split into pieces of whole stretches, with the samples around them that means need."""
+        """Pieces of whole stretches, each with the surrounding samples that its means need."""
         spans = find_stretch_spans(self.stretch_of_sample)
         whole = np.flatnonzero(np.diff(spans[:, 0] // _PIECE)) + 1
         reach = math.ceil(LIMITS.piece_margin_s * self.rate_hz)

@@ -239,7 +239,7 @@ NUISANCES: Final = (
             )
         ),
         lambda e, s: e.approximate_mass_kg * s.wheel_slip / e.force_95_percentile_newtons,
-        "longitudinal slip: wheels gain speed that the machine does not",
+        "longitudinal slip: the wheels gain more speed than the machine",
         "an accelerometer on the body",
         by_force=lambda m: -np.sign(m.speed) * m.wheel_acceleration,
         by_acceleration=lambda m: -np.sign(m.speed) * m.force,
@@ -313,8 +313,8 @@ NUISANCES: Final = (
         "N",
         lambda m: m.relative_load,
         compute_weight_proportional_force_prior_std_newtons,
-        "what of the constant force is in proportion to the weight with its load (tilt or bias of "
-        "the accelerometer, slope), beside what is expected of it",
+        "part of the constant force that is proportional to the loaded weight (tilt or bias of the "
+        "accelerometer, slope), less its expected value",
         "starts at different throttles with each load; an accelerometer that is zeroed",
         by_load=True,
         prior_keys=("sag_weight_share", "const_weight_share"),
@@ -324,8 +324,8 @@ NUISANCES: Final = (
         "N",
         lambda m: m.direction * m.relative_load,
         lambda e, s: estimate_load_proportional_share_of_coulomb(e, s).std_N,
-        "what of Coulomb friction is in proportion to the weight with its load (rolling "
-        "resistance), beside what is expected of it",
+        "part of Coulomb friction that is proportional to the loaded weight (rolling resistance), "
+        "less its expected value",
         "starts at different throttles with each load",
         applies=lambda e: e.drives_both_ways,
         by_load=True,
@@ -336,7 +336,7 @@ NUISANCES: Final = (
         "N·s/m",
         lambda m: m.speed * m.relative_load,
         lambda e, s: s.viscous_weight_share_s_m * e.empty_weight_N,
-        "viscous friction that is proportional to the weight with its load: rolling resistance "
+        "viscous friction that is proportional to the loaded weight: rolling resistance "
         "that grows with the speed",
         "cruising at several speeds with each load",
         by_speed=lambda m: m.relative_load,
@@ -352,7 +352,7 @@ CURVATURE: Final = Nuisance(
     lambda m: m.acceleration * np.abs(m.acceleration),
     lambda _, __: 1e9,
     "a force that is not linear in the acceleration",
-    "force measured on all wheels; brakes that are seen whole",
+    "force measured on all wheels; a force sensor that measures all braking",
     by_acceleration=lambda m: 2.0 * np.abs(m.acceleration),
 )
 #: Almost free term by which a check tests whether the load grows equally at every start. The added

@@ -17,10 +17,10 @@ from analysis.weighing.weighing_limits import LIMITS
 
 @dataclass(frozen=True, slots=True)
 class AlternativeMotion:
-    """Change of the answer with the other acceleration.
+    """Change of the mass if wheels replace the accelerometer in the fit, or vice versa.
 
     Attributes:
-        kg: mass with the other acceleration minus the mass of the answer.
+        kg: mass by the acceleration of the other sensor minus the mass of the answer.
         u_kg: standard uncertainty of the change; too large, as it counts the shared priors twice.
     """
 
@@ -47,7 +47,7 @@ def compute_wheel_imu_disagreement_over_speed(fit: JointFit) -> float:
 def refit_with_acceleration_of_other_sensor(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
 ) -> AlternativeMotion | None:
-    """Refit with the other acceleration; None if there is none.
+    """Refit with the other sensor's acceleration, wheels or accelerometer; None if absent.
 
     Args:
         fit: joint fit of the answer.

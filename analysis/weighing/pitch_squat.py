@@ -74,7 +74,7 @@ def sum_products_of_pitch_gravity_and_speed(
 
 
 def drop_end_means_without_rate(means: Floats) -> Floats:
-    """The means without those at either end, for which no rate can be computed."""
+    """Drop the means at either end, for which no rate can be computed."""
     return means[LIMITS.pitch_rate_means : -LIMITS.pitch_rate_means]
 
 

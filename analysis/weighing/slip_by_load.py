@@ -29,7 +29,7 @@ SLIP_BY_LOAD: Final = Nuisance(
     "kg/N",
     _compute_loaded_minus_unloaded_slip_column,
     lambda e, s: LIMITS.slip_stiffness_by_load_1 * _SLIP.compute_prior_std(e, s),
-    "how much less the wheels slip under a load, which presses them on the ground",
+    "reduction of wheel slip by the load, which presses the wheels on the ground",
     "an accelerometer on the body",
     by_force=lambda m: m.relative_load * np.sign(m.speed) * m.wheel_acceleration,
     by_acceleration=lambda m: m.relative_load * np.sign(m.speed) * m.force,

@@ -62,7 +62,7 @@ class _DrivingDirection:
             width = make_random_walk_prior_std_function(end_m - start_m)
             found.append(
                 self._make_uneven_ground_term(
-                    name, column, width, "how the ground's force changes along it"
+                    name, column, width, "change of the ground force along this stretch"
                 )
             )
             found.append(self._make_loaded_minus_empty_term(name, column, width))
@@ -75,7 +75,7 @@ class _DrivingDirection:
         make_prior_std: Callable[[MotionSamples, PriorSettings], float],
     ) -> Nuisance:
         """Term of the difference between loaded and empty starts."""
-        meaning = "difference of the ground under loaded and empty starts"
+        meaning = "difference of the ground force between loaded and empty starts"
         return self._make_uneven_ground_term(
             f"{name}_by_load",
             lambda m: compute_column(m) * m.load_contrast,
@@ -185,7 +185,7 @@ def _make_route_term(route_part: int) -> Nuisance:
         "N",
         make_route_column,
         lambda e, s: s.ground_route_share * e.empty_weight_N,
-        "how rolling resistance changes along the route, over ten metres",
+        "change of rolling resistance along the route, over ten metres",
         "more cycles; even ground",
         applies=lambda e: e.manoeuvre_count >= LIMITS.ground_min_manoeuvres,
         by_load=True,

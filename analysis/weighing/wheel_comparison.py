@@ -69,7 +69,7 @@ def compare_wheels_with_accelerometer(
         springs: springs of the body, if known.
 
     Returns:
-        None without an accelerometer or without a long enough stretch.
+        The comparison; None without an accelerometer or without a long enough stretch.
     """
     found = compare_wheels_with_or_without_gravity(motion, noise, priors, earlier_kinematics)
     if found is None or not found.squat[0] > 0.0 or motion.specific_force is None:

@@ -70,7 +70,7 @@ class WheelKinematics:
 
     @property
     def can_start_next_comparison(self) -> bool:
-        """Whether the comparison is good enough to start another one from."""
+        """Whether the comparison is good enough as the starting point of another one."""
         return self.is_consistent and abs(self.delay_s[0]) < LIMITS.longest_delay_s
 
     def copy_with_learnt_slip_gain_and_delay(self, priors: PriorSettings) -> "WheelKinematics":

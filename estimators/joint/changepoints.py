@@ -181,7 +181,7 @@ def _drop_uncertain_changes(partition: Partition, posterior: PartitionPosterior)
 
 
 def min_log_odds_of_reported_change(change_kind: Ints) -> float:
-    """Minimum log odds of a change that is reported.
+    """Return the minimum log odds of a change that is reported.
 
     At the end of a record even odds suffice, since both sides are separate records.
     """
@@ -215,7 +215,7 @@ def _propose_partitions(
 def propose_fill_cycle_partitions(
     posterior: PartitionPosterior, initial_effects: Floats
 ) -> set[PackedPartition]:
-    """Candidates with alternate filling and emptying, iterated with their effects."""
+    """Propose partitions that alternate filling and emptying, iterated with their effects."""
     units, tried = posterior.units, set[PackedPartition]()
     for _ in range(LIMITS.partition_max_rounds):
         state = partition_by_fill_cycles(

@@ -150,7 +150,7 @@ class PartitionPosterior:
         return solve_with_log_determinant(whole, right)[0]
 
     def fit_partition(self, stretches: Stretches) -> Partition:
-        """Partition with its best levels and effects, and its log posterior."""
+        """Fit levels and effects of a partition, and compute its log posterior."""
         by_state = self._sum_equations_by_state(stretches.state)
         best, logs = None, []
         for weight, level, has_lightest_first in stretches.levels:
@@ -210,7 +210,7 @@ def sum_by_level(values_by_state: Floats, level_of_state: Ints) -> Floats:
 def solve_with_log_determinant(
     normal_matrix: Floats, right_hand_side: Floats
 ) -> tuple[Floats, float]:
-    """Solution of normal equations, and log determinant.
+    """Solve normal equations; return the solution and the log determinant.
 
     If rounding makes the equations singular, both refer to the determined subspace.
     """
@@ -227,7 +227,7 @@ def solve_with_log_determinant(
 
 
 def list_level_assignments(ends_in_filling: Bools) -> list[LevelAssignment]:
-    """Possible assignments of levels to the stretches of a partition.
+    """List the possible assignments of levels to the stretches of a partition.
 
     Args:
         ends_in_filling: (stretches - 1,) whether each stretch but the last ends at a filling.
@@ -308,8 +308,8 @@ def compute_log_prior_of_work_cycles(change_kinds: Ints, has_change: Bools) -> f
     """Log prior probability of changes of the load as work cycles, without its constant.
 
     A cycle has one change at its filling and another, the dump, before the next filling, preferably
-    where there is a hint. How many of the loads are emptied in several parts is unknown, so that
-    what is usual in a series costs little (a beta-binomial prior).
+    where there is a hint. How many loads are dumped in several parts is unknown, so that a pattern
+    frequent in a series costs little (a beta-binomial prior).
 
     Args:
         change_kinds: (n - 1,) kind of each boundary between manoeuvres.

@@ -145,7 +145,7 @@ def estimate_pooled_autocorrelation(
     """
     if residual.size != group.size:
         raise ValueError(
-            f"{residual.size} residuals have groups for {group.size}; give each residual a group"
+            f"{residual.size} residuals, but {group.size} group numbers; give one per residual"
         )
     loss = compute_autocovariance_loss(group, A) if loss is None else loss
     limit, n = len(loss), int((group >= 0).sum())

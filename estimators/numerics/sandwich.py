@@ -213,7 +213,11 @@ def compute_larger_of_sandwich_and_textbook_stds(
 ) -> Floats:
     """Larger of the sandwich and the textbook standard deviation of each parameter, (p, m).
 
-    From inverses (p, p, m), packed meats (entries, m) and RSS (m,).
+    Args:
+        bread: (p, p, m) inverses G⁻¹.
+        meats: (entries, m) packed AᵀRA.
+        rss: (m,) residual sums of squares.
+        samples: samples of a window.
     """
     p = len(bread)
     degrees_of_freedom = samples - compute_product_traces(bread, meats)

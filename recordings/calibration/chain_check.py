@@ -21,7 +21,7 @@ def check_counter_of_chain_link(checked_bundle: CheckedBundle, document: Evidenc
         checked_bundle.add_finding(
             BundleOutcome.TAMPERED,
             f"{EVIDENCE}: chain.counter",
-            "does not follow that of the previous link",
+            "is not one more than the counter of the previous evidence",
         )
 
 
@@ -46,14 +46,14 @@ def check_link_to_previous_evidence(
         return
     last = previous_bundle.document
     for each in previous_bundle.evidence_faults:
-        checked_bundle.add_finding(each.outcome, f"the evidence before: {each.item}", each.what)
+        checked_bundle.add_finding(each.outcome, f"the previous evidence: {each.item}", each.what)
     if last is None:
         checked_bundle.add_finding(
-            BundleOutcome.INCOMPLETE, "the evidence before", "cannot be read"
+            BundleOutcome.INCOMPLETE, "the previous evidence", "cannot be read"
         )
         return
     checked_bundle.notes.append(
-        f"the evidence before, number {last.chain.counter}: {previous_bundle.signed_by}"
+        f"the previous evidence, number {last.chain.counter}: {previous_bundle.signed_by}"
     )
     if last.campaign.machine.id != document.campaign.machine.id:
         checked_bundle.add_finding(
@@ -63,24 +63,24 @@ def check_link_to_previous_evidence(
         checked_bundle.add_finding(
             BundleOutcome.TAMPERED,
             f"{item}.counter",
-            f"is {chain.counter}, and that before it {last.chain.counter}: the counter only "
-            "grows, so this evidence is older",
+            f"is {chain.counter}, but that of the previous evidence is {last.chain.counter}: the "
+            "counter only grows, so this evidence is older",
         )
     elif link is None:
         checked_bundle.add_finding(
-            BundleOutcome.TAMPERED, item, "names no previous evidence, although there is some"
+            BundleOutcome.TAMPERED, item, "names no previous evidence, although one was given"
         )
     elif link.id != last.id or link.sums_sha256 != digest_evidence_for_chain_link(previous_bundle):
         checked_bundle.add_finding(
             BundleOutcome.TAMPERED,
             f"{item}.previous",
-            "is other evidence than the previous evidence given",
+            "is not the previous evidence that was given",
         )
     else:
         if parse_creation_time(document) < parse_creation_time(last) - dt.timedelta(
             seconds=LIMITS.clock_difference_s
         ):
-            what = f"is before the evidence that it follows was made, {last.made}"
+            what = f"is before the previous evidence was made, {last.made}"
             checked_bundle.add_finding(BundleOutcome.TAMPERED, f"{EVIDENCE}: made", what)
         _check_line_as_found(checked_bundle, document, last)
         if document.kind == "check":
@@ -127,7 +127,7 @@ def check_chains_of_bundles(checked_bundles: Sequence[CheckedBundle]) -> ChainCh
             found += [
                 BundleFinding(each.outcome, f"{item}: {each.item}", each.what)
                 for each in link.findings
-                if not each.item.startswith("the evidence before")
+                if not each.item.startswith("the previous evidence")
             ]
         else:
             span = f"{number + 1}" if after == number + 2 else f"{number + 1} to {after - 1}"
@@ -150,8 +150,8 @@ def _iter_chain_signer_sentences(
     machine, first = ordered_bundles[0][0].campaign.machine.id, ordered_bundles[0][0].chain
     if first.previous is not None:
         yield (
-            f"machine {machine}: the chain given begins with number {first.counter}; what is "
-            "before it was not given"
+            f"machine {machine}: the chain given begins with number {first.counter}; earlier "
+            "evidence was not given"
         )
     for document, bundle in ordered_bundles:
         yield (

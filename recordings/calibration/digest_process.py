@@ -78,7 +78,7 @@ def extract_words_or_fault_of_pdf(path: Path) -> dict[str, Any]:
         return {"fault": f"cannot be read ({type(fault).__name__}: {str(fault)[:_LONGEST]})"}
     _, _, after = path.read_bytes().partition(_PDF_END)
     if after.strip():
-        what = f"has {len(after):,} bytes after its end, which nothing is compared with"
+        what = f"has {len(after):,} bytes after its end, which cannot be compared"
         return {"fault": f"{what}; ask for the bundle as it was written"}
     return {"words": [word for text in texts for word in text.split()]}
 

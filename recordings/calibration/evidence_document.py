@@ -303,14 +303,14 @@ def parse_untrusted_evidence(json_bytes: bytes, source: str) -> EvidenceDocument
         made = find_version_of_other_payscope(values)
         if made:
             raise UnknownFormatError(
-                f"{source}: made by {made}, and payscope "
-                f"{version('payscope')} does not read all of "
-                f"it ({where}: {first['msg']}): digests and signature were checked, and nothing in "
-                "it can be recomputed here"
+                f"{source}: made by {made}, and payscope {version('payscope')} cannot read all of "
+                f"it ({where}: {first['msg']}): digests and signature were checked, but nothing "
+                "was recomputed; verify it with the version that made it"
             ) from None
         place = f" at {where}" if where else ""
         raise EvidenceError(
-            f"{source}: does not follow the schema of evidence{place}: {first['msg']}"
+            f"{source}: does not follow the schema of evidence{place}: {first['msg']}; copy the "
+            "original file again"
         ) from None
     if document.canonical_json_bytes != json_bytes:
         raise EvidenceError(

@@ -54,7 +54,7 @@ def check_notary_list_range(
     if stretch is None:
         if list_bytes is not None:
             checked_bundle.add_finding(
-                BundleOutcome.TAMPERED, NOTARY, "is a list, but the campaign names none"
+                BundleOutcome.TAMPERED, NOTARY, "is a notary list, but the campaign names none"
             )
         return
     if list_bytes is None:
@@ -142,7 +142,9 @@ def iter_contradictions_to_notary_list(
         elif own is not None and number in list_range.omission_reason_by_log_number:
             said = f"number {number} is left out, although {own.log} is a log of the campaign"
         elif own is not None and entry.machine_id not in ("", machine):
-            said = f"number {number} names machine '{entry.machine_id}', the campaign '{machine}'"
+            said = (
+                f"number {number} is of machine '{entry.machine_id}', the campaign of '{machine}'"
+            )
         elif own is not None and not does_log_start_within_list_entry(own, entry):
             said = (
                 f"number {number}: {own.log} begins {own.begins}, but the list states "

@@ -61,7 +61,7 @@ def _describe_table_fault(file: Any, expected_columns: list[tuple[str, ...]]) ->
             chunk = about.row_group(group).column(number)
             coded = chunk.compression != "UNCOMPRESSED" or not _PLAIN.issuperset(chunk.encodings)
             if coded or chunk.total_uncompressed_size > _MOST_BYTES:
-                return "is compressed or coded, which such a table never is"
+                return "is compressed or encoded, which a table of a bundle never is"
     return ""
 
 

@@ -116,14 +116,13 @@ def compare_report_with_rerendered(
         return
     if document.other_payscope_version:
         what = (
-            f"made by {document.other_payscope_version}: the page cannot be recomputed here; "
-            f"compared "
-            "by its digest alone"
+            f"made by {document.other_payscope_version}: the page cannot be recomputed here, so "
+            "only its digest was compared"
         )
         yield BundleFinding(BundleOutcome.OTHER_VERSION, REPORT, what)
     else:
         yield BundleFinding(
-            BundleOutcome.TAMPERED, REPORT, "is not the page that the evidence gives"
+            BundleOutcome.TAMPERED, REPORT, "differs from the page made from the evidence"
         )
 
 
@@ -177,7 +176,7 @@ def iter_evidence_values_unlike_campaign(document: EvidenceDocument) -> Findings
     campaign, machine = document.campaign, document.machine
     if document.kind == "calibration" and document.expires != campaign.last_valid_day:
         yield _make_irreproducible_finding(
-            "expires", f"is not {campaign.last_valid_day}, as the runs' days give"
+            "expires", f"is not {campaign.last_valid_day}, which follows from the days of the runs"
         )
     made, now = parse_creation_time(document), dt.datetime.now(dt.UTC)
     for fault in iter_sentences_on_run_days_unlike_logs(
@@ -194,7 +193,7 @@ def iter_evidence_values_unlike_campaign(document: EvidenceDocument) -> Findings
     if document.estimator != make_estimator_with_digest(
         campaign, document.weighing_machine, document.settings_at_default, document.format
     ):
-        yield _make_irreproducible_finding("estimator", "is not that of the settings")
+        yield _make_irreproducible_finding("estimator", "does not match the settings")
     try:
         loads, covariance = make_reference_loads_and_covariance(campaign, machine)
     except CampaignError as fault:
@@ -209,7 +208,7 @@ def iter_evidence_values_unlike_campaign(document: EvidenceDocument) -> Findings
     own = {each.component for each in campaign.method.stated}
     others = tuple(each for each in document.options.stated if each.component not in own)
     if document.options != make_calibration_options(campaign, others):
-        yield _make_irreproducible_finding("options", "are not those of the campaign's method")
+        yield _make_irreproducible_finding("options", "do not match the campaign's method")
     for overdue in campaign.describe_invalid_certificates():
         yield BundleFinding(BundleOutcome.INCOMPLETE, f"{EVIDENCE}: campaign.masses", overdue)
     if tuple(log.log for log in document.logs) != campaign.log_names:
@@ -225,7 +224,7 @@ def compare_learnt_priors_with_pooled(document: EvidenceDocument) -> Findings:
         return
     if not campaign.learns_priors:
         yield _make_irreproducible_finding(
-            "learnt", "is there, although the campaign learns nothing"
+            "learnt", "is present, although the campaign learns no priors"
         )
     pooled = pool_learnt_terms_over_logs(learnt.logs, document.procedure_rules)
     stored, computed = (
@@ -235,7 +234,7 @@ def compare_learnt_priors_with_pooled(document: EvidenceDocument) -> Findings:
     if not all(near for _, near in find_differing_json_values(stored, computed)):
         yield _make_irreproducible_finding("learnt", "does not follow from its logs")
     if len({(each.log, each.term) for each in learnt.logs}) < len(learnt.logs):
-        yield _make_irreproducible_finding("learnt", "has a term of one log twice")
+        yield _make_irreproducible_finding("learnt", "lists a term of one log twice")
     said = {each.log for each in learnt.logs}
     if document.kind == "calibration" and not said <= set(campaign.log_names):
         yield _make_irreproducible_finding("learnt", "belongs to other logs than the campaign's")
@@ -290,9 +289,9 @@ def _iter_sentences_on_reading_unlike_run(
         or reading_row["end_s"] is None
         or not reading_row["start_s"] < reading_row["end_s"]
     ):
-        yield "has no stretch of time"
+        yield "has no valid start and end"
     elif not run.contains_middle_of_span(reading_row["start_s"], reading_row["end_s"]):
-        yield "is not in the stretch of its run"
+        yield "is outside the time span of its run"
     if reading_row["used"] and reading_row["reason"]:
         yield "is used, but has a reason for its exclusion"
     if reading_row["used"] and run.excluded:

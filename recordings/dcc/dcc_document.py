@@ -59,7 +59,8 @@ def parse_untrusted_dcc(xml_bytes: bytes, source: str) -> "_Element":
 
     if len(xml_bytes) > LIMITS.certificate_bytes:
         raise EvidenceError(
-            f"{source}: has more than {LIMITS.certificate_bytes >> 20} MiB, the most that is read"
+            f"{source}: is larger than {LIMITS.certificate_bytes >> 20} MiB, the largest "
+            "certificate that is read; ask the laboratory for a smaller one"
         )
     parser = etree.XMLParser(
         resolve_entities=False,
@@ -72,15 +73,17 @@ def parse_untrusted_dcc(xml_bytes: bytes, source: str) -> "_Element":
     try:
         root = etree.fromstring(xml_bytes, parser)
     except (etree.XMLSyntaxError, ValueError) as fault:
-        raise EvidenceError(f"{source}: is not XML ({str(fault)[:120]})") from None
+        raise EvidenceError(
+            f"{source}: is not XML ({str(fault)[:120]}); give a DCC (.xml)"
+        ) from None
     if root.getroottree().docinfo.internalDTD is not None:
         raise EvidenceError(
-            f"{source}: has a DTD; ask for a copy without, as XML entities are refused"
+            f"{source}: contains a DTD, which is refused; ask the laboratory for a copy without it"
         )
     if root.tag != f"{{{DCC}}}digitalCalibrationCertificate":
         raise EvidenceError(
             f"{source}: is not a digital calibration certificate: its root element is "
-            f"{str(root.tag)[:80]}"
+            f"{str(root.tag)[:80]}; give a DCC (.xml)"
         )
     version = root.get("schemaVersion", "none")
     if version != VERSION:
@@ -107,7 +110,7 @@ def iter_faults_against_dcc_schema(certificate: "_Element") -> Iterator[str]:
         for name in _IDS:
             value = element.get(name)
             if value is not None and value in seen:
-                yield f"has two elements of the id '{value[:60]}'"
+                yield f"has two elements with the id '{value[:60]}'"
             if value is not None:
                 seen.add(value)
     yield from _iter_faults_of_missing_or_repeated_elements(certificate)
@@ -118,13 +121,13 @@ def _iter_faults_of_missing_or_repeated_elements(certificate: "_Element") -> Ite
     names = [child.tag for child in certificate]
     for name in ("administrativeData", "measurementResults"):
         if names.count(f"{{{DCC}}}{name}") != 1:
-            yield f"has {names.count(f'{{{DCC}}}{name}')} elements {name} instead of one"
+            yield f"has {names.count(f'{{{DCC}}}{name}')} {name} elements instead of one"
             return
         if len(list(certificate.iter(f"{{{DCC}}}{name}"))) != 1:
-            yield f"has an element {name} inside of another"
+            yield f"has a {name} element inside another element"
     core = certificate.findall(f"{{{DCC}}}administrativeData/{{{DCC}}}coreData")
     if len(core) != 1:
-        yield f"has {len(core)} elements coreData instead of one"
+        yield f"has {len(core)} coreData elements instead of one"
         return
     for name, form in _CORE.items():
         found = core[0].findall(f"{{{DCC}}}{name}")

@@ -98,7 +98,8 @@ def find_length_of_list_quantity(quantity: "_Element", error_label: str) -> int 
     count = len(read_blank_separated_texts(lists[0], "valueXMLList", error_label))
     if count > LIMITS.max_values:
         raise EvidenceError(
-            f"{error_label}: its list has {count} values, more than {LIMITS.max_values}"
+            f"{error_label}: its list has {count} values, but at most {LIMITS.max_values} are "
+            f"read; {ASK_FOR_CORRECTION}"
         )
     return count
 

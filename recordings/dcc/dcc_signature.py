@@ -77,9 +77,8 @@ def check_dcc_signature(certificate: "_Element", certificate_name: str) -> Signe
         return SignedDcc(certificate, "")
     if len(found) > 1:
         raise EvidenceError(
-            f"{certificate_name}: has {len(found)} signatures; only certificates with a single "
-            "signature over "
-            "the whole document are supported"
+            f"{certificate_name}: has {len(found)} signatures, but only one over the whole "
+            f"certificate is supported; {_ASK_FOR_SIGNED}"
         )
     if found[0].getparent() is not certificate:
         raise EvidenceError(
@@ -177,7 +176,7 @@ def compute_key_id_of_pem(pem_bytes: bytes, key_name: str) -> str:
         )
     if not isinstance(key, rsa.RSAPublicKey | ec.EllipticCurvePublicKey):
         raise EvidenceError(
-            f"{key_name}: its key is neither RSA nor ECDSA, the only kinds supported"
+            f"{key_name}: its key is neither RSA nor ECDSA; ask the laboratory for such a key"
         )
     der = key.public_bytes(
         serialization.Encoding.DER, serialization.PublicFormat.SubjectPublicKeyInfo

@@ -113,12 +113,12 @@ def _check_head_signature(
 ) -> None:
     """Check the signature of the first line with the key that the line names."""
     if not notary_lines or not isinstance(notary_lines[0].content, NotaryHead):
-        checked_list.add_forgery_fault("does not begin with the head of a list")
+        checked_list.add_forgery_fault("its first line is not the head of a notary list")
         return
     try:
         key = PublicKey.from_base64_text(notary_lines[0].content.public_key)
     except EvidenceError as fault:
-        checked_list.add_forgery_fault(f"its head names no key: {fault}")
+        checked_list.add_forgery_fault(f"its head names no valid key: {fault}")
         return
     checked_list.head = notary_lines[0].content
     for line in notary_lines[1:]:
@@ -162,7 +162,7 @@ def _check_chain_of_lines(
             checked_list.add_forgery_fault(f"{span} missing", end)
         elif entry.previous != before.line_sha256:
             checked_list.add_forgery_fault(
-                f"number {entry.counter} does not follow number {last.counter} as this list has it",
+                f"number {entry.counter} was not written after number {last.counter} of this list",
                 entry.counter,
             )
 
@@ -207,8 +207,8 @@ def _iter_contradictory_times(
             yield NotaryListFault(
                 False,
                 number,
-                f"number {number} ends {entry.ends}, before number {ended.counter} does, "
-                f"{ended.ends}: it came later than it was recorded, or its clock was set back",
+                f"number {number} ends {entry.ends}, before number {ended.counter}, {ended.ends}: "
+                "it reached the folder late, or the recorder's clock was set back",
             )
         elif entry.ends:
             ended = entry
@@ -235,14 +235,14 @@ def iter_remarks_on_notary_list(log_entries: Sequence[NotaryEntry]) -> Iterator[
         digests = tuple(sorted(file.sha256 for file in entry.files))
         first = seen.setdefault(digests, entry)
         if first is not entry:
-            yield f"number {entry.counter}: '{entry.log}' is also number {first.counter}"
+            yield f"number {entry.counter}: '{entry.log}' is the same log as number {first.counter}"
     if undated:
-        yield f"{_format_line_numbers(undated)}: without an absolute time, or not readable"
+        yield f"{_format_line_numbers(undated)}: the log has no absolute time, or cannot be read"
     if late:
         named, days = _format_line_numbers(list(late)), max(late.values())
         yield (
             f"{named}: listed up to {days:.0f} days after the log ended; the list does not show "
-            "what was done to it in between"
+            "whether it was changed in between"
         )
 
 

@@ -142,7 +142,7 @@ def parse_untrusted_line(line_bytes: bytes, source: str) -> NotaryLine:
         )
     values: Any = parse_canonical_json(line_bytes, source)
     if not isinstance(values, dict) or not isinstance(values.get("signature"), str):
-        raise EvidenceError(f"{source}: is not a signed line of a notary list")
+        raise EvidenceError(f"{source}: has no signature, so it is no line of a notary list")
     text = values.pop("signature")
     model = NotaryHead if values.get("counter") == 0 else NotaryEntry
     try:
@@ -151,7 +151,10 @@ def parse_untrusted_line(line_bytes: bytes, source: str) -> NotaryLine:
     except (binascii.Error, ValueError) as fault:
         raise EvidenceError(f"{source}: {_format_validation_fault(fault)}") from None
     if encode_canonical_json({**content.model_dump(mode="json"), "signature": text}) != line_bytes:
-        raise EvidenceError(f"{source}: a value has another type than `payscope notarise` writes")
+        raise EvidenceError(
+            f"{source}: a value has another type than `payscope notarise` writes, so the line was "
+            "changed"
+        )
     if len(signature) != 64 or base64.b64encode(signature).decode() != text:
         raise EvidenceError(
             f"{source}: its signature is not the base64 text of 64 bytes, so the line was "
@@ -164,7 +167,7 @@ def _format_validation_fault(fault: Exception) -> str:
     if isinstance(fault, ValidationError):
         first = fault.errors(include_url=False)[0]
         return f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
-    return "its signature is not base64 text"
+    return "its signature is not base64 text, so the line was changed or damaged"
 
 
 class SplitNotaryList(NamedTuple):

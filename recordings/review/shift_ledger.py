@@ -289,7 +289,9 @@ def parse_local_instant(text: str, clock: ShiftClock) -> dt.datetime:
     found = within_shift or found
     if len(found) != 1:
         times = "never" if not found else f"{len(found)} times"
-        raise ReviewError(f"the clock shows '{text}' {times}; give the day, and the UTC offset")
+        raise ReviewError(
+            f"the shift's clock shows '{text}' {times}; give the day and the UTC offset as well"
+        )
     return dt.datetime.fromtimestamp(found[0], dt.UTC)
 
 

@@ -336,4 +336,4 @@ def wait_for_client_of_viewer(
     process.wait()
     log_file.seek(0)
     said = log_file.read().decode(errors="replace").strip().splitlines() or ["no message"]
-    raise RecordingError(f"the viewer did not start; it needs {timeout_message} ({said[-1]})")
+    raise RecordingError(f"the viewer did not start: {said[-1]}; it needs {timeout_message}")

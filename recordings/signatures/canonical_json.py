@@ -93,7 +93,7 @@ def _refuse_deep_nesting(json_bytes: bytes, source: str) -> None:
 def _parse_integer_or_float_if_beyond_exact_range(text: str) -> int | float:
     if len(text) > LIMITS.number_characters:
         raise ValueError(
-            f"it contains a number of {len(text)} digits; {LIMITS.number_characters} are allowed"
+            f"a number has {len(text)} digits; at most {LIMITS.number_characters} are allowed"
         )
     value = int(text)
     # in canonical form, a double such as 1e20 is written with all its digits
@@ -103,12 +103,11 @@ def _parse_integer_or_float_if_beyond_exact_range(text: str) -> int | float:
 def _parse_json_float(text: str) -> float:
     if len(text) > LIMITS.number_characters:
         raise ValueError(
-            f"it contains a number of {len(text)} characters; {LIMITS.number_characters} are "
-            "allowed"
+            f"a number has {len(text)} characters; at most {LIMITS.number_characters} are allowed"
         )
     value = float(text)
     if not math.isfinite(value):
-        raise ValueError(f"it contains the number {text}")
+        raise ValueError(f"the number {text} is too large")
     return value
 
 

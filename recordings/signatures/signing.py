@@ -85,7 +85,9 @@ class PublicKey:
         """
         raw = _decode_base64_or_refuse(text, "a public key")
         if len(raw) != 32:
-            raise EvidenceError(f"a public key of Ed25519 has 32 bytes, this one {len(raw)}")
+            raise EvidenceError(
+                f"an Ed25519 public key has 32 bytes, this one {len(raw)}; copy the key again"
+            )
         return cls(raw).refuse_weak_key()
 
     def refuse_weak_key(self) -> "PublicKey":
@@ -287,7 +289,9 @@ def parse_untrusted_envelope(envelope_bytes: bytes, source: str) -> EnvelopeCont
         ) from None
     inside = parse_canonical_json(payload, f"{source}: its statement")
     if not fits or not isinstance(inside, dict) or not isinstance(key_id, str):
-        raise EvidenceError(f"{source}: is not a DSSE envelope of an in-toto statement")
+        raise EvidenceError(
+            f"{source}: is not an in-toto statement in a DSSE envelope; copy the bundle again"
+        )
     return EnvelopeContent(payload, inside, signed, key_id)
 
 

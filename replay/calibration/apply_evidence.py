@@ -95,7 +95,7 @@ class MachineCalibration:
         )
 
     def copy_machine_with_calibrated_settings(self, machine: Machine) -> Machine:
-        """The machine with the empty mass, priors and settings of the calibration."""
+        """Copy the machine with the empty mass, priors and settings of the calibration."""
         document = self.document
         machine = copy_machine_with_campaign_empty_mass(document.campaign, machine)
         terms = {} if document.learnt is None else document.learnt.terms
@@ -200,7 +200,7 @@ class MachineCalibration:
     def calibrate_masses_of_loads_frame(
         self, frames: Mapping[str, pl.DataFrame], differing_settings: str = ""
     ) -> pl.DataFrame:
-        """The frame `loads` with calibrated masses; without them if the log forbids it.
+        """Add calibrated masses to the frame `loads`, or the reason why the log has none.
 
         Args:
             frames: `FRAMES` of a replay with `copy_machine_with_calibrated_settings`.
@@ -213,7 +213,7 @@ class MachineCalibration:
         return calibrate_loads(frames["loads"], self.calibration, log)
 
     def calibrate_masses_of_run(self, run: Run, differing_settings: str = "") -> Run:
-        """The run with calibrated masses and a note about the evidence.
+        """Copy the run with calibrated masses and a note about the evidence.
 
         Args:
             run: a replay with `copy_machine_with_calibrated_settings`.
@@ -301,7 +301,7 @@ def calibrate_loads_of_recording(
     request: CalibrationRequest,
     recording: Path,
 ) -> pl.DataFrame:
-    """The frame `loads` of a recording with its masses calibrated.
+    """Calibrate the masses in the frame `loads` of a recording.
 
     Args:
         frames: the frames of `FRAMES` that the recording has.
@@ -325,7 +325,7 @@ def calibrate_loads_of_recording(
 
 
 def read_machine_from_provenance(provenance: Provenance) -> Machine:
-    """The machine, with its settings, that a recording was made with."""
+    """Read the machine and the settings that a recording was made with."""
     content = {**provenance.machine, "settings": provenance.settings.model_dump()}
     return Machine.model_validate(content)
 

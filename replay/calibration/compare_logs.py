@@ -345,7 +345,8 @@ def _find_files_below_folder_by_name(folder: Path, names: set[str]) -> dict[str,
     for number, entry in enumerate(_iter_entries_of_folder_tree(folder, 0)):
         if number >= LIMITS.searched_files:
             raise EvidenceError(
-                f"{folder}: more than {LIMITS.searched_files} entries; give a smaller one"
+                f"{folder}: has more than {LIMITS.searched_files} entries; give a folder that has "
+                "only the logs of the evidence"
             )
         mode = entry.stat(follow_symlinks=False).st_mode
         if entry.name in names and (stat.S_ISREG(mode) or stat.S_ISLNK(mode)):

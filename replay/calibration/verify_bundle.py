@@ -218,7 +218,7 @@ def list_checks_done(checked_bundle: CheckedBundle, is_chain_checked: bool) -> l
             if checked_bundle.signed_by.is_trusted
             else []
         )
-        done += ["the chain, to the evidence before"] if is_chain_checked else []
+        done += ["the chain, to the previous evidence"] if is_chain_checked else []
     if checked_bundle.notarised_by is not None and checked_bundle.document is not None:
         stretch = checked_bundle.document.campaign.notary
         assert stretch is not None

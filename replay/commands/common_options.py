@@ -126,7 +126,7 @@ def make_time_axis_from_options(
     for key in table_keys or ():
         if not key.startswith("log."):
             raise typer.BadParameter(
-                f"--set {key}: takes only keys of [log] here, such as log.separator=;"
+                f"--set {key}: only keys of [log] can be set here, such as log.separator=;"
             )
         set_dotted_key_in_content(content, key, MachineError)
     return find_time_axis_of_section(

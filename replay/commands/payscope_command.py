@@ -51,7 +51,7 @@ class PayscopeCommand(TyperCommand):
 
 
 class PayscopeCommandGroup(TyperGroup):
-    """A group of commands whose own options have named values likewise."""
+    """A group of commands whose help names the values of its options."""
 
     def get_params(self, ctx: Any) -> list[Any]:
         """The parameters, with names for their values."""

@@ -259,7 +259,7 @@ class RunningConversion:
     def describe_converted_log(
         self, working_folder: UnfinishedFolder, finished_spans: Sequence[_Parts]
     ) -> ConvertedDescription:
-        """Describe the folder; a topic without rows gets an empty part with its columns."""
+        """Describe the converted log; a topic without rows gets an empty part with its columns."""
         topics: list[ConvertedTopic] = []
         for topic, summary in self._summaries.items():
             if topic not in self._fields:

@@ -133,7 +133,7 @@ def _refuse_time_outside_run(explain_request: ExplainRequest, run: Run) -> None:
 
 
 def load_run_to_explain(explain_request: ExplainRequest, on_stage: Callable[[str], None]) -> Run:
-    """The frames to explain, read from the recording or replayed from the log."""
+    """Load the frames to explain, from the recording or by replaying the log."""
     if explain_request.machine_file is None:
         with open_recording(explain_request.path) as held:
             return read_frames_for_explanation(

@@ -87,7 +87,7 @@ class ProposalTrial:
                 LIMITS.coverage_factor * other[1], LIMITS.lighter_than_empty_1 * empty_kg
             )
             if empty_kg - other[0] > below_kg:
-                return "the machine would weigh less than when empty: the wrong factor is elsewhere"
+                return "the machine would weigh less than empty: another factor is wrong"
         if self.finding.cause != "wheel_radius" or nearer:
             return ""
         if (

@@ -250,7 +250,7 @@ class Fleet:
                 return self._read_setups_of_machine_by_rule(rule, name)
         patterns = ", ".join(rule.logs for rule in self.rules.machines)
         raise FleetError(
-            f"{log}: no rule in {self.path} matches this log; the rules are {patterns}"
+            f"{log}: no rule in {self.path} matches this log; add one to its rules: {patterns}"
         )
 
     def _read_setups_of_machine_by_rule(

@@ -365,8 +365,8 @@ def open_recording_of_result(results: FleetResults, result_key: str) -> Generato
     if found.height != 1:
         said = "several results begin" if found.height else "no result begins"
         raise FleetError(
-            f"{results.store.place}: {said} with '{result_key}'; the keys are in "
-            "column key of table results (payscope fleet query)"
+            f"{results.store.place}: {said} with '{result_key}'; `payscope fleet "
+            "query` shows the keys: column key of table results"
         )
     row = found.row(0, named=True)
     name = ResultName(row["machine"], row["day"], row["key"])

@@ -39,10 +39,10 @@ _MINUTE_NS: Final = 60 * 10**9
 _OF_SPINS: Final = " of spins"
 #: Why followed results differ from the replay, where they cannot agree.
 _NOISE: Final = (
-    "its noise is that of the whole log, which was not known yet; [settings.noise] in the machine "
-    "file makes them equal"
+    "the replay takes the noise of the whole log, which was not known while following; "
+    "[settings.noise] in the machine file makes them equal"
 )
-_GOES_ON: Final = "it goes on with what was not followed"
+_GOES_ON: Final = "the replay includes rows that were not followed"
 _REASONS: Final = {name: number for number, name in enumerate(REASON.categories)}
 
 
@@ -246,7 +246,7 @@ def iter_agreement_lines(
             yield f"{rows}, as in the replay to nine digits"
         elif each.name.startswith(GATE) and is_growing and more > 0:
             yield (
-                f"{rows}, {each.replayed:,} in the replay, which goes on with what was not "
+                f"{rows}, {each.replayed:,} in the replay, which includes rows that were not "
                 f"followed; they differ from {each.differs_from_s:,.0f} s onwards"
             )
         elif not does_machine_file_state_noise(settings, Z if each.name.endswith(_OF_SPINS) else X):
@@ -263,7 +263,7 @@ def iter_agreement_lines(
         names = ", ".join(each.name for each in found)
         verb = "differs" if len(found) == 1 else "differ"
         yield (
-            f"{names}: {verb} from the replay from the minute at {from_s:,.0f} s on, as expected: "
+            f"{names}: {verb} from the replay, from the minute at {from_s:,.0f} s on, as expected: "
             f"{reason}"
         )
 

@@ -261,7 +261,7 @@ def start_replay_process() -> "subprocess.Popen[bytes]":
 
 
 def find_path_after_closing(path: Path) -> Path:
-    """Current path of a log: a bag loses its suffix `.active` when its recorder closes it."""
+    """Find a log's path: a bag loses its suffix `.active` when its recorder closes it."""
     inner = path.with_suffix("")
     return inner if path.suffix == ACTIVE and not path.exists() and inner.exists() else path
 

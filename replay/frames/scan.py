@@ -261,12 +261,12 @@ def expand_log_paths(logs: Logs) -> ExpandedLogs:
         if has_magic(str(each)) and not Path(each).exists():
             matching = sorted(map(Path, glob(str(each), recursive=True)))  # noqa: PTH207 - the pattern may be absolute
             if not matching:
-                raise LogError(f"{each}: no log matches this name")
+                raise LogError(f"{each}: no log matches this pattern; correct it")
             found += matching
         else:
             found.append(Path(each))
     if not found:
-        raise LogError("no log is named; give at least one")
+        raise LogError("no log is given; give at least one")
     paths = expand_log_folders(found)
     return ExpandedLogs(paths, not isinstance(logs, str | Path) or paths != [Path(logs)])
 

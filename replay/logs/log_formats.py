@@ -63,8 +63,8 @@ def _open_directory(path: Path) -> Log:
             named = join_first_names(logs, LIMITS.max_logs)
             raise LogError(f"{path}: is a folder of logs; give one of them: {named}")
         raise LogError(
-            f"{path}: no bag in this directory; a rosbag2 directory holds metadata.yaml "
-            f"and .mcap or .db3 files, a converted log {DESCRIPTION}"
+            f"{path}: contains no log; a rosbag2 directory has metadata.yaml and .mcap or .db3 "
+            f"files, a converted log has {DESCRIPTION}"
         )
     return MessageLog(path, "rosbag2 directory", Rosbag2Directory)
 
@@ -127,7 +127,7 @@ def open_log(path: str | Path, *, time: TimeAxis | None = None) -> Log:
                 "rosbag2 directory"
             )
         if path.stat().st_size == 0:
-            raise LogError(f"{path}: the file is empty (0 bytes)")
+            raise LogError(f"{path}: the file is empty (0 bytes); copy it again, or leave it out")
         return opener(path, time)
     except OSError as error:
         raise LogError(f"{path}: cannot be opened: {error.strerror or error}") from error

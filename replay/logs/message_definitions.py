@@ -166,7 +166,7 @@ def _find_typestore_with_type(name: str) -> Typestore:
         if name in store.fielddefs:
             return store
     if not name:
-        raise DefinitionError("the log does not state the type of its messages")
+        raise DefinitionError("the log does not state the message type of this topic")
     raise DefinitionError(
         f"the log carries no definition of {name}, and no ROS 2 release knows the type; "
         "record it with ROS 2 Iron or newer, which stores definitions"
@@ -192,7 +192,7 @@ class _DefinitionConverter:
         if len(enclosing_types) == LIMITS.definition_depth:
             raise DefinitionError(
                 f"the definition of {enclosing_types[0]} is nested deeper than "
-                f"{LIMITS.definition_depth} levels"
+                f"{LIMITS.definition_depth} levels, the most that can be decoded"
             )
         within = (*enclosing_types, name)
         fields: list[tuple[str, FieldType]] = []
@@ -200,7 +200,8 @@ class _DefinitionConverter:
             self._left -= 1
             if self._left < 0:
                 raise DefinitionError(
-                    f"{within[0]} has more than {LIMITS.definition_fields} fields"
+                    f"{within[0]} has more than {LIMITS.definition_fields} fields, the most that "
+                    "can be decoded"
                 )
             if field != _PLACEHOLDER:
                 fields.append((field, self._make_type_of_field(description, within, repetitions)))

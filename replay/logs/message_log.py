@@ -249,7 +249,7 @@ class MessageLog(Log):
             self._read_losses.add_loss(
                 self.path,
                 f"log times jump back, by up to {tally.back_ns / 1e9:.3f} s: messages were sorted "
-                "by them, so that consecutive recordings may overlap",
+                "by log time, so that two recordings in one file may be mixed",
                 topic,
             )
 

@@ -234,7 +234,7 @@ class TableLog(Log):
         ):
             return
         if shared == known_times.len() - 1:
-            said = "all rows have the same; set another column: [log] time"
+            said = "all rows have the same time; set [log] time to another column"
         else:
             said = (
                 f"{shared:,} of {known_times.len():,} rows have the same time as the row before; "

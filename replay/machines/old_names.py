@@ -158,7 +158,7 @@ def migrate_toml_file(path: Path) -> dict[str, str]:
     except OSError as fault:
         raise MachineError(f"{path}: cannot be read ({fault.strerror})") from None
     except UnicodeDecodeError:
-        raise MachineError(f"{path}: is not TOML: not UTF-8") from None
+        raise MachineError(f"{path}: is not UTF-8; save it as UTF-8") from None
     except OldKeyError as fault:
         raise MachineError(f"{path}: {fault}") from None
     except ValueError as fault:

@@ -60,7 +60,7 @@ def read_toml_file(path: Path, error_type: type[PayscopeError]) -> dict[str, Any
     except OSError as fault:
         raise error_type(f"{path}: cannot be read ({fault.strerror})") from None
     except UnicodeDecodeError:
-        raise error_type(f"{path}: is not TOML: not UTF-8") from None
+        raise error_type(f"{path}: is not UTF-8; save it as UTF-8") from None
     except ValueError as fault:  # a TOMLDecodeError, or an integer of thousands of digits
         comma = _DECIMAL_COMMA.search(text)
         remedy = f"; write {comma[1]}.{comma[2]}, with a decimal point" if comma else ""

@@ -187,7 +187,7 @@ def _add_tables_of_topics(tables: NamedTables, logs: Sequence[str], options: _To
         for topic in open_or_reuse_log(path, options.time).topic_names():
             topics.setdefault(topic, []).append(path)
     if not topics:
-        raise LogError(f"{', '.join(map(str, paths))}: the logs hold no topics to query")
+        raise LogError(f"{', '.join(map(str, paths))}: the logs have no topics; give other logs")
 
     def rows_of_topic(topic: str, of_logs: Sequence[Path]) -> pl.LazyFrame:
         chosen = named if len(paths) == 1 else of_logs

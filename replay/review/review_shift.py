@@ -263,7 +263,7 @@ def read_replay_of_earlier_review(
 
 
 def select_frames_for_recording(run: Run, *, is_full_recording: bool) -> Run:
-    """The run with the frames that the recording of a shift keeps, thinned unless it is full."""
+    """Copy the run with the frames that a shift's recording keeps, thinned unless it is full."""
     if is_full_recording:
         return run
     frames: dict[str, pl.DataFrame] = {}
@@ -281,7 +281,7 @@ def select_frames_for_recording(run: Run, *, is_full_recording: bool) -> Run:
 
 
 def read_frames_for_calibration(shift: ReplayedShift, folder: Path) -> Mapping[str, pl.DataFrame]:
-    """Frames that calibrating the masses needs, from the replay or its recording."""
+    """Read the frames that calibrating the masses needs, from the replay or its recording."""
     if shift.run is not None:
         return shift.run.frames
     there = list_columns_by_frame(folder / RECORDING)
@@ -330,7 +330,7 @@ def _list_changes_since_earlier_review(
 def find_truncated_logs(
     logs: Sequence[Log], wanted_fields: Mapping[str, Sequence[str]], provenance: Provenance
 ) -> tuple[TruncatedLog, ...]:
-    """Logs that end abruptly, in order of time.
+    """Find the logs that end abruptly, in order of time.
 
     Args:
         logs: logs of the shift.

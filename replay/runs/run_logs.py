@@ -116,7 +116,7 @@ def replay_and_record_logs(
 
 
 def open_requested_live_viewer(output: RecordingOutput) -> "LiveView | None":
-    """The open viewer, or a new one if it is requested; None without one."""
+    """Return the open viewer, or open one if it is requested; None if not."""
     if output.viewer is not None or not output.live:
         return output.viewer
     from recordings.rrd.viewer import start_waiting_viewer

@@ -170,7 +170,7 @@ TAMPERINGS: dict[str, Tampering] = {
         "evidence.json: calibration.says: does not follow from the readings"),
     "the confidence": Tampering(
         in_evidence("options", "confidence_1", to=0.5), TAMPERED, IRREPRODUCIBLE, "the fit",
-        "evidence.json: options: are not those of the campaign's method"),
+        "evidence.json: options: do not match the campaign's method"),
     "the verdict's risk": Tampering(
         in_evidence("limits", "risk_1", to=0.5), TAMPERED, IRREPRODUCIBLE, "the fit",
         "evidence.json: limits.risk_1: does not follow from the readings"),
@@ -183,7 +183,7 @@ TAMPERINGS: dict[str, Tampering] = {
         "evidence.json: limits.verdict: does not follow from the readings"),
     "the last day": Tampering(
         in_evidence("expires", to="2035-01-01"), TAMPERED, IRREPRODUCIBLE, "the campaign",
-        "evidence.json: expires: is not 2027-05-04, as the runs' days give"),
+        "evidence.json: expires: is not 2027-05-04, which follows from the days of the runs"),
     "the intended use": Tampering(
         in_evidence("campaign", "campaign", "intended_use", to="trade"),
         TAMPERED, None, "the campaign", "statement.dsse.json: is not signed by the key"),
@@ -209,15 +209,15 @@ TAMPERINGS: dict[str, Tampering] = {
     "the machine's mass": Tampering(
         in_evidence("machine", "machine", "empty_mass_kg", to=101.0),
         TAMPERED, IRREPRODUCIBLE, "the campaign",
-        "evidence.json: estimator: is not that of the settings"),
+        "evidence.json: estimator: does not match the settings"),
     "a setting": Tampering(
         in_evidence("machine", "settings", "gate", "window_samples", to=300),
         TAMPERED, IRREPRODUCIBLE, "the campaign",
-        "evidence.json: estimator: is not that of the settings"),
+        "evidence.json: estimator: does not match the settings"),
     "a channel's scale": Tampering(
         in_evidence("machine", "channels", "force_x_N", "scale", to=1.1),
         TAMPERED, IRREPRODUCIBLE, "the campaign",
-        "evidence.json: estimator: is not that of the settings"),
+        "evidence.json: estimator: does not match the settings"),
     "a reference mass": Tampering(
         in_evidence("campaign", "masses", 0, "value_kg", to=21.0),
         TAMPERED, IRREPRODUCIBLE, "the campaign",
@@ -288,14 +288,14 @@ TAMPERINGS: dict[str, Tampering] = {
     "what a log said, twice": Tampering(
         in_evidence("learnt", "logs", to=lambda x: [*x, x[0]]),
         TAMPERED, IRREPRODUCIBLE, "learnt priors",
-        "evidence.json: learnt: has a term of one log twice"),
+        "evidence.json: learnt: lists a term of one log twice"),
     "what another log said": Tampering(
         in_evidence("learnt", "logs", 0, "log", to="load-9.csv"),
         TAMPERED, IRREPRODUCIBLE, "learnt priors",
         "evidence.json: learnt: belongs to other logs than the campaign's"),
     "nothing learnt": Tampering(
         in_evidence("learnt", to=None), TAMPERED, IRREPRODUCIBLE, "learnt priors",
-        "evidence.json: estimator: is not that of the settings"),
+        "evidence.json: estimator: does not match the settings"),
     "priors made narrow throughout": Tampering(relearnt, TAMPERED, None, "learnt priors",
         "statement.dsse.json: is not signed by the key"),
     "a log that could not weigh": Tampering(
@@ -323,13 +323,13 @@ TAMPERINGS: dict[str, Tampering] = {
         TAMPERED, IRREPRODUCIBLE, "chain",
         "evidence.json: as_found.rms_error_kg: does not follow from the points"),
     "the counter": Tampering(in_evidence("chain", "counter", to=7), TAMPERED, TAMPERED, "chain",
-        "evidence.json: chain.counter: does not follow that of the previous link"),
+        "evidence.json: chain.counter: is not one more than the counter of the previous evidence"),
     "the link": Tampering(
         in_evidence("chain", "previous", "sums_sha256", to="0" * 64), TAMPERED, None, "chain",
-        "evidence.json: chain.previous: is other evidence than the previous evidence given"),
+        "evidence.json: chain.previous: is not the previous evidence that was given"),
     "no link": Tampering(
         lambda b: b.evidence.update(chain={"counter": 1, "previous": None}),
-        TAMPERED, None, "chain", "evidence.json: chain.counter: is 1, and that before it 1"),
+        TAMPERED, None, "chain", "evidence.json: chain.counter: is 1, but that of the previous"),
     "a tolerance that forgives": Tampering(
         in_evidence("replay_tolerance_kg", to=1e9),
         TAMPERED, TAMPERED, "the campaign",
@@ -338,7 +338,7 @@ TAMPERINGS: dict[str, Tampering] = {
         in_evidence("software", "python", to="4.0.0"),
         TAMPERED, None, "the campaign", "statement.dsse.json: is not signed by the key"),
     "an edited report": Tampering(of_bytes(REPORT, edited_report), TAMPERED, TAMPERED, "files",
-        "report.html: is not the page that the evidence gives"),
+        "report.html: differs from the page made from the evidence"),
     "a removed report": Tampering(
         at_last(lambda f: (f / REPORT).unlink()),
         INCOMPLETE, INCOMPLETE, "files", "report.html: is missing"),

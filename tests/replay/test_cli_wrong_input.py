@@ -35,7 +35,7 @@ class TestWrongInput:
         self, payscope: Payscope, machine_file: Path, tmp_path: Path
     ) -> None:
         (tmp_path / "empty").mkdir()
-        join_to_one_line(payscope("run", tmp_path / "empty", "-m", machine_file), "no bag")
+        join_to_one_line(payscope("run", tmp_path / "empty", "-m", machine_file), "contains no log")
 
     def test_wrong_suffix(self, payscope: Payscope, machine_file: Path, tmp_path: Path) -> None:
         (tmp_path / "log.doc").write_text("hello")

@@ -158,7 +158,7 @@ def test_tables_are_read_by_another_process_that_may_die() -> None:
         ]
     )
     assert all(isinstance(each, str) for each in found[1:]), found
-    assert found[1] == "is compressed or coded, which such a table never is"
+    assert found[1] == "is compressed or encoded, which a table of a bundle never is"
     assert found[2] == "has other columns than such a table"
 
 

@@ -77,7 +77,7 @@ def test_a_folder_of_tables_alone_is_a_shift_too(folder: Path) -> None:
 
 def test_a_review_that_is_refused_leaves_nothing_behind(machine: Path, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
-    with pytest.raises(LogError, match="empty: no bag in this directory"):
+    with pytest.raises(LogError, match="empty: contains no log"):
         review_shift([tmp_path / "empty"], machine, tmp_path / "new", ReviewOptions())
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine/notes.txt").touch()
@@ -175,7 +175,7 @@ def test_evidence_that_is_not_of_this_shift_is_refused_in_a_line(
     ("words", "says"),
     [
         (["nowhere.bag"], "no such file"),
-        (["empty"], "empty: no bag in this directory"),
+        (["empty"], "empty: contains no log"),
         (["shift", "--target", "-3"], "--target"),
         (["shift", "--require-signed"], "need --calibration"),
         (["shift", "--calibration", "nowhere"], "nowhere"),

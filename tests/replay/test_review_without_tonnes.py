@@ -41,7 +41,7 @@ CASES = {
     "a load that is not dumped": (
         [sledge(mass_kg=EMPTY_KG), later(LOADED_KG)],
         (),
-        "No tonnes: 1 cycle: the recording ends before it is dumped",
+        "No tonnes: 1 cycle: the recording ends before the dump",
     ),
     "an empty machine of another mass": (
         [sledge_shift()],

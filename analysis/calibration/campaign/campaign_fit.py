@@ -174,7 +174,7 @@ def list_stated_uncertainties_of_force_scale(
 def average_readings_of_runs(
     readings: pl.DataFrame, known_masses: pl.DataFrame
 ) -> tuple[Point, ...]:
-    """Points of the runs, with the mean of their readings but without a line.
+    """Make a point of each run, with the mean of its readings, before any line is fitted.
 
     Args:
         readings: frame `readings`.

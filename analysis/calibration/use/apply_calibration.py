@@ -22,7 +22,7 @@ from analysis.calibration.use.mass_differences import NORMAL, calibrate_mass_dif
 from analysis.calibration.use.use_limits import LIMITS
 from analysis.model.machine_body import Body
 from analysis.model.schema import CALIBRATED, conform_frame_to_schema
-from estimators.errors import DataError, suggest_choice
+from estimators.errors import DataError
 
 #: By estimator, columns of frame `loads` with m̂ and the random part of its standard uncertainty.
 ESTIMATORS: Final[Mapping[str, tuple[str, str]]] = {
@@ -82,12 +82,12 @@ def calibrate_loads(
         mass, or "", and `calibrated_said` a note on its mass.
 
     Raises:
-        DataError: the frame lacks the calibration's estimator.
+        DataError: the calibration's method does not estimate the masses of loads.
     """
     if calibration.method not in ESTIMATORS:
         raise DataError(
-            f"calibration: it was made for '{calibration.method}', which does not estimate "
-            f"the masses of the loads; {suggest_choice(calibration.method, ESTIMATORS)}"
+            f"calibration: method '{calibration.method}' does not estimate the masses of loads; "
+            f"calibrate with one of {', '.join(ESTIMATORS)}"
         )
     mass, u_random = ESTIMATORS[calibration.method]
     rows = loads.with_columns(estimate_kg=mass, estimate_u_random_kg=u_random).to_dicts()
@@ -242,7 +242,7 @@ def calibrate_payload_of_load(
 def check_drift_of_empty_machine(
     load_rows: list[dict[str, Any]], calibration: Calibration, later_log: LaterLog
 ) -> DriftCheck | None:
-    """Check of the log's empty states against the known empty mass; None without either."""
+    """Check the log's empty states against the known empty mass; None if one is missing."""
     empty = [row for row in load_rows if row["empty"] and row["mass_kg"] is not None]
     if later_log.empty_kg is None or not empty or calibration.method != "joint_mass":
         return None
@@ -273,9 +273,9 @@ def describe_machine_change(check: DriftCheck | None, later_log: LaterLog) -> st
         return ""
     assert check.mass_kg is not None
     return (
-        f"its empty part weighs {check.mass_kg:,.0f} kg by the calibration, and the empty machine "
-        f"{later_log.empty_kg:,.0f} kg; up to {check.limit_kg:,.0f} kg apart can be chance: the "
-        "machine, the ground or the empty mass has changed"
+        f"the empty machine weighs {check.mass_kg:,.0f} kg in this log by the calibration, but "
+        f"{later_log.empty_kg:,.0f} kg by its stated mass; chance explains at most "
+        f"{check.limit_kg:,.0f} kg: the machine, the ground or the empty mass has changed"
     )
 
 

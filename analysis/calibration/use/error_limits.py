@@ -108,13 +108,13 @@ def compute_error_limit_of_load_kg(rule: DecisionRule, load_kg: float) -> float:
         raise DataError(f"error limits: no class '{name}'; {suggest_choice(name, CLASSES)}")
     e_kg = rule.scale_interval_kg
     if e_kg is None or not e_kg > 0.0:
-        raise DataError(f"error limits: {name} needs a scale interval e in kg")
+        raise DataError(f"error limits: {name} needs a scale interval e; set scale_interval_kg")
     load_e = abs(load_kg) / e_kg
     step = int(np.searchsorted(_R51_STEPS_E[name], load_e))
     if step == len(_R51_STEPS_E[name]):
         raise DataError(
             f"error limits: {name} ends at {_R51_STEPS_E[name][-1]:g} e, and a load of "
-            f"{abs(load_kg):g} kg is {load_e:.0f} e; take a larger e"
+            f"{abs(load_kg):g} kg is {load_e:.0f} e; set a larger scale_interval_kg (e)"
         )
     return _R51_LIMITS_E[rule.in_service][step] * e_kg
 

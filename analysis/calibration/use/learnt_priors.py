@@ -165,7 +165,7 @@ def estimate_between_log_variance(
 def copy_machine_with_learnt_priors(
     machine: Machine, terms: Mapping[LearnableTerm, LearntTerm]
 ) -> Machine:
-    """The machine with a calibration's learnt priors; priors stated in its file are kept."""
+    """Copy the machine with a calibration's learnt priors; priors stated in its file are kept."""
     if not terms:
         return machine
     stated = machine.settings.priors.learnt
@@ -177,7 +177,7 @@ def copy_machine_with_learnt_priors(
 
 
 def copy_machine_estimating_learnt_mean_errors(machine: Machine) -> Machine:
-    """The machine for later logs, set to estimate errors of learnt means from several loads."""
+    """Copy the machine, set to estimate errors of learnt means from logs of several loads."""
     told = {"priors.learnt_means": "told"}
     return machine.model_copy(update={"settings": machine.settings.copy_with_changes(told)})
 
@@ -204,7 +204,7 @@ def describe_contradicted_learnt_priors(nuisances: pl.DataFrame) -> str:
 def iter_log_estimates_of_learnt_terms(
     nuisances: pl.DataFrame,
 ) -> Iterator[tuple[dict[str, Any], float, float]]:
-    """Yield, for each learnt term, row, estimate by the log alone, and its expected deviation."""
+    """Yield each learnt term's row, its estimate by the log alone, and how far that may deviate."""
     if "alone" not in nuisances.columns:
         return
     for row in nuisances.drop_nulls("alone").to_dicts():

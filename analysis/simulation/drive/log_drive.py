@@ -121,8 +121,8 @@ class TrialDriver(MachineDriver):
                 times = self._follow_target_speeds_by_pedal(manoeuvre, body)
             case _:
                 raise ScenarioError(
-                    f"campaign.manoeuvres.{manoeuvre_number}: a {manoeuvre.kind} cannot be "
-                    "integrated"
+                    f"campaign.manoeuvres.{manoeuvre_number}: this scenario cannot simulate the "
+                    f"manoeuvre '{manoeuvre.kind}'; replace it"
                 )
         since = times.subtract_start_time(trial_start_s)
         body = self.make_body_with_cold_friction(body, times.start_s)

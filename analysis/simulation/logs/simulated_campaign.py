@@ -86,7 +86,7 @@ def simulate_campaign(scenario: Scenario) -> Iterator[SimulatedLog]:
             before the first log.
     """
     if scenario.shift is not None:
-        raise ScenarioError("shift: is not a campaign; use ShiftSimulation")
+        raise ScenarioError("shift: this scenario is a shift, not a campaign; use ShiftSimulation")
     refuse_undrivable_scenario(scenario, scenario.campaign.loads_kg)
     return _simulate_logs(scenario)
 

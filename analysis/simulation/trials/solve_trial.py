@@ -54,7 +54,7 @@ def solve_motion(scenario: Scenario, load_kg: float) -> SolvedMotion:
     refuse_undrivable_scenario(scenario, [load_kg])
     asked = find_scenario_key_needing_integration(scenario)
     if asked is not None:
-        raise ScenarioError(f"{asked}: needs a whole log; use simulate_campaign")
+        raise ScenarioError(f"{asked}: cannot be solved trial by trial; use simulate_campaign")
     trial = _TrialSolver(scenario, RigidBody.make_loaded_body(scenario, load_kg))
     phases = [trial.stand_at_heading(-math.inf, 0.0, heading_rad=0.0)]
     windows: list[ManoeuvreTimes] = []
@@ -328,6 +328,6 @@ def _refuse_endless_stick_slip(phases: Sequence[MotionPhase]) -> None:
     recent = phases[-LIMITS.max_changes_at_once :]
     if len(recent) == LIMITS.max_changes_at_once and recent[-1].end_s - recent[0].start_s < 1e-9:
         raise DataError(
-            f"Coulomb friction finds no consistent sign at {recent[-1].end_s:g} s of the run; "
-            "change machine.coulomb_N or machine.coulomb_z_N_m a little"
+            f"the direction of Coulomb friction cannot be solved for at {recent[-1].end_s:g} s of "
+            "the run; change machine.coulomb_N or machine.coulomb_z_N_m slightly"
         )

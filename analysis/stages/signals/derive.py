@@ -228,7 +228,7 @@ def low_pass_fast_channels(
         for name, hz in slow.items()
     ]
     if causal and slow:
-        notes.append("nor to any other channel: a causal filter on some of them delays those")
+        notes.append("nor to others: a causal filter on some channels would delay only those")
         return dict(measured)
     out = dict(measured)
     for name in (each for each in rates_hz if each not in slow):
@@ -293,11 +293,11 @@ def select_usable_readings(
         return t - delay_ns, set_values_below_resolution_to_zero(readings)
     finite = np.isfinite(readings)
     if not finite.any():
-        raise NoReadingError(f"{name}: {where} holds no number in {readings.size} samples")
+        raise NoReadingError(f"{name}: {where} has no number in {readings.size} samples")
     told = finite & (np.abs(readings) <= LIMITS.largest_si)
     limit = f"beyond {LIMITS.largest_si:g} {find_unit_in_name(name)}, which cannot be a reading"
     if not told.any():
-        raise DataError(f"{name}: {where} holds only numbers {limit}; check its unit and scale")
+        raise DataError(f"{name}: {where} has only numbers {limit}; check its unit and scale")
     # in messages, as opposed to a table, every missing reading was lost
     lost = int((~finite).sum()) if channel.topic else filters.count_lost_readings(t, finite)
     counts = ((lost, "missing or not finite"), (int((finite & ~told).sum()), limit))
@@ -323,7 +323,7 @@ def select_usable_readings(
         )
     t, readings = t[told][last], readings[told][last]
     if t.size < 2:
-        raise DataError(f"{name}: {where} holds a single sample, but at least two are needed")
+        raise DataError(f"{name}: {where} has a single sample, but at least two are needed")
     return t - delay_ns, set_values_below_resolution_to_zero(readings)
 
 

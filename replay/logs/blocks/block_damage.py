@@ -12,7 +12,7 @@ _MOST_SINGLE: Final = 20
 
 
 class BlockDamage(FileDamage):
-    """Damage of a file of blocks: `FileDamage`, lost blocks, and stretches without records."""
+    """Damage of a file of blocks: sentences, lost blocks, and bytes without readable records."""
 
     def __init__(self, source: str) -> None:
         super().__init__(source)

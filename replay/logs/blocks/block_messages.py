@@ -173,7 +173,7 @@ class BlockStore:
             if key not in topics:
                 count = sum(times.size for times in parts)
                 self.damage.add_damage_sentence(
-                    f"{count:,} messages of connection {key}, which has no definition"
+                    f"{count:,} messages of connection {key}, which has no definition: not read"
                 )
             elif self._late[key]:
                 self.damage.add_damage_sentence(

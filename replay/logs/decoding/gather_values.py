@@ -192,7 +192,7 @@ def _fill_name_index_in_each_list(
 def find_name_index_in_each_list(
     data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: str
 ) -> Ints:
-    """Index of the first occurrence of a name in each list of strings; -1 if absent.
+    """Find the first index of a name in each list of strings; -1 if absent.
 
     Args:
         data: bytes that contain the strings.

@@ -136,7 +136,7 @@ class Rosbag2Directory:
                 f"{METADATA} names {path.name}, which is missing from the folder; copy it there"
             )
         if path.stat().st_size == 0:
-            raise LogError("the file is empty (0 bytes)")
+            raise LogError("the file is empty (0 bytes); copy it again")
         stored = path
         if path.suffix == ".zstd":
             stored = Path(self._scratch.name, path.stem)
@@ -146,7 +146,7 @@ class Rosbag2Directory:
                 self._losses.add_loss(path, what)
         opener = _STORAGE.get(stored.suffix)
         if opener is None:
-            raise LogError(f"{path.name} is neither .mcap nor .db3")
+            raise LogError(f"{path.name} is neither .mcap nor .db3, the formats that are read")
         return opener(stored)
 
     def _number_connections_of_all_files(self, metadata: Metadata) -> None:

@@ -48,7 +48,7 @@ IntegerAndEnd: TypeAlias = tuple[int, int]
 
 @compiled_without_refcounts
 def read_varint_and_end(data: NDArray[np.uint8], offset: int, end: int) -> IntegerAndEnd:
-    """Read an SQLite varint of 1 to 9 bytes: its value, and the offset after it.
+    """Read an SQLite varint of 1 to 9 bytes; return its value and the offset after it.
 
     The offset is -1 if the varint does not end before or at `end`.
     """

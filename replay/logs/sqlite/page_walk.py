@@ -130,7 +130,7 @@ class PageWalk:
         size = self._layout.page_bytes
         ranges, slots = select_page_ranges_within_size(leaves, size, _LEAF_BYTES)
         if not read_page_ranges_into(self._file, ranges, size, page_memory.data):
-            raise OSError("the file was truncated while it was read")
+            raise OSError("the file was truncated while it was read; read it again")
         tail = int(ranges.begin[-1] + ranges.pages[-1] * size)
         self._state[AT_LEAF] = 0
         found, spilled, joined_bytes, is_usual = scan_requested_rows_of_leaf_pages(
@@ -260,7 +260,7 @@ class OverflowPageReader:
         )
         target = self._near.data[: pages * size]
         if self._file.read_into((page - 1) * size, target) < target.size:
-            raise OSError("the file was truncated while it was read")
+            raise OSError("the file was truncated while it was read; read it again")
 
 
 @compiled

@@ -100,7 +100,7 @@ class Db3File:
             for key in self._times.keys() - {c.id for c in self.connections}:
                 count = self._times[key].size
                 self._damage.add_damage_sentence(
-                    f"{count:,} messages of topic {key}, which has no definition"
+                    f"{count:,} messages of topic {key}, which has no definition: not read"
                 )
         return self._times.get(connection_id, make_empty_log_times())
 

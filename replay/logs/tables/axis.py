@@ -167,7 +167,7 @@ class TableTimes:
                     None, text, self.day_first, find_zone_offset_s(self.time)
                 )
             if words and sum(is_date_only(word) for word in words) * 2 > len(words):
-                raise TimeError("it holds dates without a time of day; set a column with times")
+                raise TimeError("it has dates without times of day; set [log] time")
         if self.unit in ("min", "h"):
             scaled = text.cast(pl.Float64, strict=False) * (_NS[self.unit] // 10**9)
             return RowTimes(convert_times_to_ns(scaled, "s"), ())
@@ -253,7 +253,7 @@ def _locate_time_columns(
     """Source of the times of all columns: the time column, and its date and fraction columns."""
     fraction = table.time_fraction if table else None
     if fraction is not None and fraction not in [column.name for column in columns]:
-        raise DialectError(f"no column '{fraction}'; set [log] time_fraction")
+        raise DialectError(f"no column '{fraction}' for [log] time_fraction; correct its name")
     return TableTimes(
         columns[time_column_index].name,
         find_date_column(columns, cells, time_column_index),

@@ -242,7 +242,9 @@ class CsvColumns:
         """Raise an error for an unclosed quote, after which polars splits rows differently."""
         self._height = frame.height if self._height is None else self._height
         if frame.height != self._height:
-            raise BrokenBytesError("a quote is not closed: its rows cannot be separated")
+            raise BrokenBytesError(
+                "a quote is not closed, so its rows cannot be separated; remove it"
+            )
 
     @property
     def _polars_separator(self) -> str:

@@ -163,9 +163,9 @@ def convert_local_times_to_utc(stamps: pl.Series, zone: str) -> pl.Series:
     missing = first.is_null() & stamps.is_not_null()
     if missing.any():
         raise TimeError(
-            f"its times are of {zone}, where clocks were set forward over "
-            f"{local.filter(missing)[0]:%Y-%m-%d %H:%M:%S}: the log's clock was not; set [log] "
-            "timezone to a zone that does not change, such as Etc/GMT-1 for UTC+1,"
+            f"{local.filter(missing)[0]:%Y-%m-%d %H:%M:%S} does not exist in {zone}, where clocks "
+            "were set forward; the log's clock was not: set [log] timezone to a zone without "
+            "summer time, such as Etc/GMT-1 for UTC+1,"
         )
     twice = (first != second).fill_null(value=False)
     if not twice.any():
@@ -193,14 +193,16 @@ def _mark_second_hours(local_ns: Ints, twice: Bools) -> Bools:
     is_descending = 2 * np.count_nonzero((steps_ns < 0) & ~falls) > steps_ns.size
     if is_descending or (falls & ~(twice[:-1] & twice[1:])).any():
         raise TimeError(
-            "its times come twice in the hour that clocks are set back by, and its rows are not in "
-            "order of time, which would tell the two hours apart; sort them as they were recorded"
+            "its times occur twice in the hour when clocks are set back, and the rows are not in "
+            "recorded order, which would tell the two hours apart; sort them"
         )
     is_second = np.zeros(twice.size, dtype=bool)
     for begin, end in zip(*find_flagged_runs(twice), strict=True):
         fallen = np.flatnonzero(falls[begin:end])
         if fallen.size > 1:
-            raise TimeError("its times fall back more than once in the hour that comes twice")
+            raise TimeError(
+                "its times jump back twice or more in the hour when clocks are set back"
+            )
         if fallen.size:
             is_second[begin + int(fallen[0]) + 1 : end + 1] = True
         elif end < steps_ns.size and steps_ns[end] < LIMITS.set_back_ns:

@@ -140,17 +140,17 @@ def split_unit_from_column_name(name: str) -> NameAndUnit:
 
 
 def reduce_to_lower_case_letters(text: str) -> str:
-    """The letters of a text, in lower case."""
+    """Reduce a text to its letters, in lower case."""
     return "".join(each for each in text.lower() if each.isalpha())
 
 
 def keep_last_part_of_column_name(column_name: ColumnName) -> ColumnName:
-    """The column with only the last part of its name: `ts` of payload.ts."""
+    """Shorten a column's name to its last part: `ts` for `payload.ts`."""
     return replace(column_name, bare=re.split(r"[./]", column_name.bare)[-1])
 
 
 def keep_column_name_before_dash(column_name: ColumnName) -> ColumnName:
-    """The column with only its name before ' - ': `Time (s)` of Time (s) - Speed (m/s)."""
+    """Shorten a name to the part before ' - ': `Time (s)` for `Time (s) - Speed (m/s)`."""
     bare, unit = split_unit_from_column_name(column_name.name.partition(" - ")[0])
     return replace(column_name, bare=bare, unit=unit)
 

@@ -18,8 +18,8 @@ class TableHints:
         header_row: line of the names, from 1; 0 for none.
         units_row: line of the units, from 1; 0 for none.
         time_fraction: column of the fractions of a second, if separate.
-        sort_times: whether to sort rows although their time falls back, as where a record follows
-            another.
+        sort_times: whether to sort the rows if their time jumps back, as at the start of another
+            record; None decides by the rows.
         day_first: whether 03/04/2026 is the third of April.
         rate_hz: rows per second, for a table without a time column.
         sheet: sheet of an Excel file.

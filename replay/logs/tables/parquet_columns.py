@@ -122,7 +122,7 @@ class ParquetColumns:
             series = series.cast(pl.String)
         rows = self.rows
         if series.len() != rows:
-            raise BrokenBytesError(f"a column has {series.len():,} rows, the file {rows:,}")
+            raise BrokenBytesError(f"column '{name}' has {series.len():,} rows, the file {rows:,}")
         return series
 
     def _read_arrow_column(self, name: str) -> Any:
@@ -210,7 +210,9 @@ class JsonLinesColumns(ParquetColumns):
             raise BrokenBytesError("no line is a JSON object")
         if faults:
             dropped = format_count(len(faults), "line")
-            self.losses += (f"{dropped} dropped: no JSON object; the first is line {faults[0]:,}",)
+            self.losses += (
+                f"{dropped} dropped: not JSON objects; the first is line {faults[0]:,}",
+            )
         try:
             return pl.read_ndjson(io.BytesIO(b"\n".join(lines)), infer_schema_length=None)
         except _POLARS_ERRORS:
@@ -225,7 +227,7 @@ class JsonLinesColumns(ParquetColumns):
             kind = kinds.most_common(1)[0][0] if kinds else None
             if len(kinds) > 1:
                 count = format_count(kinds.total() - kinds[str(kind)], "value")
-                self.losses += (f"{count} of '{name}' lost: not of the kind of most, {kind}",)
+                self.losses += (f"{count} of '{name}' lost: most are {kind}, these are not",)
             own = [{name: value if _find_json_kind(value) == kind else None} for value in values]
             columns.append(pl.from_dicts(own, infer_schema_length=None, strict=False)[name])
         return pl.DataFrame(columns)
@@ -249,7 +251,7 @@ class JsonLinesColumns(ParquetColumns):
                     continue
                 if others := int((lengths != count).sum()):
                     said = format_count(others, "row")
-                    self.losses += (f"'{name}' has other than {count} elements in {said}",)
+                    self.losses += (f"'{name}' does not have {count} elements in {said}",)
                 waiting += [
                     column.list.get(k, null_on_oob=True).alias(f"{name}[{k}]")
                     for k in reversed(range(count))

@@ -100,7 +100,7 @@ def _decompress_gzip_to_utf8(path: Path, encoding: str | None) -> Utf8Text:
                 left -= len(piece)
                 if left < 0:
                     raise BrokenBytesError(
-                        f"it unpacks to more than {LIMITS.unpacked_bytes >> 30} GiB"
+                        f"it unpacks to more than {LIMITS.unpacked_bytes >> 30} GiB; split it"
                     )
                 file.write(piece)
         text = convert_file_to_utf8(place, encoding) if place.stat().st_size else None
@@ -292,7 +292,9 @@ def _choose_sheet(workbook: Any, sheet: str | None) -> str:
         name for name in names if workbook.get_sheet_by_name(name).height >= LIMITS.sheet_min_rows
     ]
     if len(full) != 1:
-        raise DialectError(f"{len(full)} sheets hold rows ({', '.join(names)}); set [log] sheet")
+        raise DialectError(
+            f"{len(full)} of its sheets have rows ({', '.join(names)}); set [log] sheet"
+        )
     return full[0]
 
 

@@ -251,7 +251,7 @@ def unwrap_counter(times: RowTimes) -> RowTimes:
         overflows = (times.stamps.forward_fill().diff() < 0).fill_null(value=False).cum_sum()
         note = (
             f"its times are a counter that overflows at {text}, after {period_ns / 1e9:.10g} s: "
-            f"they go on from {format_count(falls.len(), 'row')} where it begins again"
+            f"they were continued at {format_count(falls.len(), 'row')} where it begins again"
         )
         whole = times.stamps + overflows.cast(pl.Int64) * period_ns
         return RowTimes(whole.alias(times.stamps.name), (*times.notes, note), times.names_no_zone)

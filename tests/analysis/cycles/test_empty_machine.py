@@ -178,7 +178,7 @@ def test_a_gap_in_the_rate_burns_the_mean():
 
 
 def test_a_ticket_with_another_attachment_is_refused():
-    with pytest.raises(MachineError, match=r"was weighed with 'fork'.* carries 'bucket'"):
+    with pytest.raises(MachineError, match=r"is with attachment 'fork'.* carries 'bucket'"):
         load_machine(
             "cat262c.toml",
             ["machine.empty_mass_attachment='fork'", "machine.attachment='bucket'"],

@@ -68,4 +68,4 @@ def test_a_late_speed_is_named_with_its_delay(tmp_path: Path, delay_s: float) ->
     found = findings.row(by_predicate=pl.col("cause") == "delay", named=True)
     assert found["setting"] == "channels.speed_x_m_s.delay_s"
     assert float(found["value"]) == pytest.approx(delay_s, abs=0.01)
-    assert "or the force is early: two channels cannot tell which" in found["evidence"]
+    assert "or the force is early: two channels cannot show which" in found["evidence"]

@@ -137,7 +137,7 @@ def test_a_time_zone_must_exist():
         ),
         (
             {"derive": "pitch(q)", "topic": "/imu"},
-            "channels.acc_x_m_s2: 'pitch(q)' does not compute acc_x_m_s2",
+            "channels.acc_x_m_s2: 'pitch(q)' computes pitch_rad",
         ),
         (
             {"derive": "pitch(q)", "topic": "/imu", "scale": 2.0},

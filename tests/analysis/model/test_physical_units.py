@@ -73,7 +73,7 @@ def test_a_unit_that_is_no_other_is_one_to_one_as_pint_has_it():
 def test_a_unit_of_another_dimension_is_an_error_that_names_both(unit, si):
     with pytest.raises(MachineError) as error:
         find_gain_and_offset_to_si(unit, si)
-    assert str(error.value) == f"unit '{unit}' cannot be converted to {si}"
+    assert str(error.value) == f"unit '{unit}' cannot be converted to {si}; correct the unit"
 
 
 @pytest.mark.parametrize(

@@ -29,5 +29,5 @@ def test_a_solution_has_the_group_of_each_residual(rows: int) -> None:
 
 @pytest.mark.parametrize("groups", [GROUP.size - 1, GROUP.size + 1])
 def test_groups_of_other_residuals_are_refused(groups: int) -> None:
-    with pytest.raises(ValueError, match=f"120 residuals have groups for {groups}"):
+    with pytest.raises(ValueError, match=f"120 residuals, but {groups} group numbers"):
         estimate_pooled_autocorrelation(np.ones(GROUP.size), np.zeros(groups, np.int64), None)

@@ -101,14 +101,14 @@ FORGED: dict[str, tuple[Forge, str]] = {
             "<dcc:measurementResults>",
             "<dcc:administrativeData></dcc:administrativeData><dcc:measurementResults>",
         ),
-        "2 elements administrativeData",
+        "2 administrativeData elements",
     ),
-    "two core data": (repeat("coreData"), "2 elements coreData"),
-    "no results": (drop("<dcc:measurementResults>.*</dcc:measurementResults>"), "0 elements"),
+    "two core data": (repeat("coreData"), "2 coreData elements"),
+    "no results": (drop("<dcc:measurementResults>.*</dcc:measurementResults>"), "0 measurement"),
     "no identifier": (drop("<dcc:uniqueIdentifier>.*?</dcc:uniqueIdentifier>"), "uniqueId"),
     "two identifiers": (repeat("uniqueIdentifier"), "uniqueIdentifier"),
     "a day that is none": (put("2026-01-07", "yesterday"), "beginPerformanceDate"),
-    "two elements of one id": (put('id="weight-2"', 'id="weight-1"'), "two elements of the id"),
+    "two elements of one id": (put('id="weight-2"', 'id="weight-1"'), "two elements with the id"),
     "no laboratory": (drop("<dcc:content>Example Masses</dcc:content>"), "name its laboratory"),
     # the item
     "item that is not there": (
@@ -190,7 +190,7 @@ FORGED_SETS: dict[str, tuple[Forge, str]] = {
         put(LIST, "<si:valueXMLList>19.9991 <si:x/>20.0005"),
         "exactly one si:",
     ),
-    "more values than any set has": (put(LIST, LIST + " 20" * 1000), "more than 1000"),
+    "more values than any set has": (put(LIST, LIST + " 20" * 1000), "at most 1000 are"),
     # their units
     "no units": (
         drop(r"<si:unitXMLList>[^<]*</si:unitXMLList>(?=\n<si:expanded)"),
@@ -291,12 +291,12 @@ SIGNED: dict[str, tuple[Forge, str]] = {
     "uncertainty changed": (put("0.0016", "0.0001"), "is not valid"),
     "laboratory changed": (put("Example Masses", "PTB"), "is not valid"),
     "identifier changed": (put("EXAMPLE-1", "EXAMPLE-2"), "is not valid"),
-    "wrapped with its signature": (lambda data: wrapped(data, "root"), "two elements of the id"),
-    "wrapped, its signature moved": (lambda data: wrapped(data, "moved"), "of the id"),
-    "wrapped, other ids": (lambda data: wrapped(data, "root", b"forged"), "inside of another"),
+    "wrapped with its signature": (lambda data: wrapped(data, "root"), "two elements with the id"),
+    "wrapped, its signature moved": (lambda data: wrapped(data, "moved"), "with the id"),
+    "wrapped, other ids": (lambda data: wrapped(data, "root", b"forged"), "inside another"),
     "wrapped, its signature moved, other ids": (
         lambda data: wrapped(data, "moved", b"forged"),
-        "inside of another",
+        "inside another",
     ),
     "two signatures": (
         lambda data: re.sub(rb"(<ds:Signature .*</ds:Signature>)", rb"\1\1", data, flags=re.S),

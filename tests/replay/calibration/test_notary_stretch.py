@@ -224,7 +224,7 @@ ATTACKS: dict[str, tuple[Callable[[Bundle], None], BundleOutcome | None, str]] =
         "number 2 is left out, although load-1.csv is a log of the campaign",
     ),
     "lines swapped": (of_bytes(swapped), TAMPERED, "out of order"),
-    "the head dropped": (of_bytes(without(0)), TAMPERED, "does not begin with the head"),
+    "the head dropped": (of_bytes(without(0)), TAMPERED, "first line is not the head"),
     "a torn tail": (of_bytes(lambda data: data[:-9]), INCOMPLETE, "is truncated"),
     "another digest": (
         of_bytes(lambda data: data.replace(b'"sha256":"', b'"sha256":"f', 1)), TAMPERED, "sha256",
@@ -232,9 +232,9 @@ ATTACKS: dict[str, tuple[Callable[[Bundle], None], BundleOutcome | None, str]] =
     "another machine": (
         of_bytes(lambda data: data.replace(b"sledge-7", b"sledge-8", 1)), TAMPERED, "not signed",
     ),
-    "empty": (of_bytes(lambda _: b""), TAMPERED, "does not begin with the head"),
+    "empty": (of_bytes(lambda _: b""), TAMPERED, "first line is not the head"),
     "taken away": (gone, INCOMPLETE, "notary.jsonl: is missing"),
-    "not named": (not_named, TAMPERED, "is a list, but the campaign names none"),
+    "not named": (not_named, TAMPERED, "is a notary list, but the campaign names none"),
     "made before it was listed": (
         forged_before_its_logs, IRREPRODUCIBLE, "after the evidence was made",
     ),
@@ -309,7 +309,7 @@ def test_a_line_that_names_another_machine_is_none_of_the_campaign(
     forged = resigned(notarised, tmp_path, of_bytes(relisted(key, machine_id="sledge-8")))
     found = notarised.verify(forged)
     assert found.outcome is IRREPRODUCIBLE
-    assert "number 1 names machine 'sledge-8', the campaign 'sledge-7'" in items(found)
+    assert "number 1 is of machine 'sledge-8', the campaign of 'sledge-7'" in items(found)
 
 
 def test_a_line_of_another_time_than_its_log_is_found(notarised: Notarised, tmp_path: Path) -> None:

@@ -60,7 +60,7 @@ def test_an_older_head_of_the_chain_is_found(made: Made) -> None:
     assert "the counter only grows" in items(older)
     skipped = verify_bundle(made.third, key_file=made.public, previous=made.first)
     assert skipped.outcome is TAMPERED
-    assert "is other evidence than the previous evidence given" in items(skipped)
+    assert "is not the previous evidence that was given" in items(skipped)
 
 
 def test_a_check_has_line_machine_and_priors_of_what_it_is_a_check_of(made: Made) -> None:

@@ -65,7 +65,7 @@ def test_a_gap_leaves_the_chain_incomplete(made: Made, payscope: Payscope) -> No
 def test_a_chain_that_begins_later_says_so(made: Made) -> None:
     found = chain(made, made.bundle, made.third)
     assert found.outcome is None
-    assert "begins with number 2; what is before it was not given" in found.notes[0]
+    assert "begins with number 2; earlier evidence was not given" in found.notes[0]
 
 
 def other_id(bundle: Bundle) -> None:
@@ -87,7 +87,7 @@ def test_two_signed_of_one_number_are_a_fork(
     # and what follows the one does not follow the other
     found = chain(made, made.first, forked, made.third)
     assert found.outcome is TAMPERED
-    assert "number 3: evidence.json: chain.previous: is other evidence" in said(found)
+    assert "number 3: evidence.json: chain.previous: is not the previous evidence" in said(found)
 
 
 def test_an_older_head_cannot_be_told_and_that_is_said(made: Made) -> None:
@@ -104,9 +104,9 @@ def test_evidence_from_before_the_one_that_it_follows_is_found(made: Made, tmp_p
     early = resigned(made, tmp_path, made.bundle, made_in_april)
     found = chain(made, made.first, early)
     assert found.outcome is TAMPERED
-    assert "made: is before the evidence that it follows was made" in said(found)
+    assert "made: is before the previous evidence was made" in said(found)
     alone = verify_bundle(early, key_file=made.public, previous=made.first)
-    assert "is before the evidence that it follows was made" in items(alone)
+    assert "is before the previous evidence was made" in items(alone)
 
 
 def of_another_machine(bundle: Bundle) -> None:
@@ -125,7 +125,7 @@ def test_evidence_of_another_machine_is_a_chain_of_its_own(made: Made, tmp_path:
 
 def test_the_signer_of_the_evidence_before_is_named_and_checked(made: Made, tmp_path: Path) -> None:
     found = made.verify(made.bundle)
-    assert any("the evidence before, number 1: signed by the key given" in n for n in found.notes)
+    assert any("the previous evidence, number 1: signed by the key given" in n for n in found.notes)
     forged = tampered(made.first, tmp_path / "forged", sign_with_own_key, signed=True)
     found = verify_bundle(made.bundle, key_file=made.public, previous=forged)
     assert found.outcome is TAMPERED
@@ -134,7 +134,7 @@ def test_the_signer_of_the_evidence_before_is_named_and_checked(made: Made, tmp_
     (unsigned / STATEMENT).write_bytes((made.third / STATEMENT).read_bytes())
     found = verify_bundle(made.bundle, key_file=made.public, previous=unsigned)
     assert found.outcome is TAMPERED
-    assert "the evidence before: " in items(found)
+    assert "the previous evidence: " in items(found)
 
 
 def other_page(folder: Path) -> None:

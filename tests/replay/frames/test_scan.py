@@ -192,8 +192,8 @@ def test_the_nearest_row_of_another_topic_is_joined(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("logs", "fault"),
     [
-        ("nowhere/*.bag", "no log matches this name"),
-        ([], "no log is named"),
+        ("nowhere/*.bag", "no log matches this pattern"),
+        ([], "no log is given"),
         ("nowhere.bag", "no such file"),
     ],
 )

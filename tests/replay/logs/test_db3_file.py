@@ -150,7 +150,7 @@ def test_topics_that_damage_made_unreadable_are_said_and_so_are_their_messages(
         assert log.topics()["topic"].to_list() == ["/joints"]
         assert [loss.what for loss in log.losses()] == [
             "1 of its topics are damaged",
-            "1 messages of topic 2, which has no definition",
+            "1 messages of topic 2, which has no definition: not read",
         ]
     with sqlite3.connect(path) as database:
         database.execute("DELETE FROM topics")

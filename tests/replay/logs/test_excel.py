@@ -50,7 +50,7 @@ def test_a_sheet_is_a_table_and_no_formula_is_run(tmp_path: Path) -> None:
 def test_of_several_sheets_one_has_to_be_named(tmp_path: Path) -> None:
     path = write(tmp_path / "run.xlsx", second=True)
     with pytest.raises(
-        LogError, match=r"2 sheets hold rows \(run, other\); set \[log\] sheet"
+        LogError, match=r"2 of its sheets have rows \(run, other\); set \[log\] sheet"
     ) as e:
         open_log(path)
     assert_one_line(e.value)

@@ -68,7 +68,7 @@ def test_a_torn_line_is_a_loss_and_a_nan_a_gap(tmp_path: Path) -> None:
     assert frame.height == 100
     assert frame["wheel.torque_Nm[0]"].is_null().arg_true().to_list() == [2]
     with open_log(path) as log:
-        assert "2 lines dropped: no JSON object; the first is line 51" in str(log.losses()[0])
+        assert "2 lines dropped: not JSON objects; the first is line 51" in str(log.losses()[0])
 
 
 def test_a_time_may_be_text(tmp_path: Path) -> None:
@@ -104,10 +104,10 @@ def test_what_is_no_table_is_refused_in_a_line(tmp_path: Path, text: str, said: 
 @pytest.mark.parametrize(
     ("odd", "said"),
     [
-        ({"force_N": [1.0]}, "1 value of 'force_N' lost: not of the kind of most, numbers"),
-        ({"force_N": {"a": 1.0}}, "1 value of 'force_N' lost: not of the kind of most, numbers"),
+        ({"force_N": [1.0]}, "1 value of 'force_N' lost: most are numbers, these are not"),
+        ({"force_N": {"a": 1.0}}, "1 value of 'force_N' lost: most are numbers, these are not"),
         ({"force_N": "n/a"}, "1 cells of column 'force_N' are not numbers; the first is 'n/a'"),
-        ({"wheel": [1.0, 2.0, 3.0]}, "'wheel' has other than 2 elements in 1 row"),
+        ({"wheel": [1.0, 2.0, 3.0]}, "'wheel' does not have 2 elements in 1 row"),
     ],
 )
 def test_a_value_of_another_kind_is_lost_alone(

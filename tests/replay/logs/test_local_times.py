@@ -69,11 +69,11 @@ def test_rows_out_of_order_do_not_tell_the_two_hours(disorder: str) -> None:
     utc = (pl.int_range(9_000, eager=True) + SET_BACK_S - 4_000) * SECOND_NS
     local = make_local_times(utc).cast(pl.Int64)
     local = local.reverse() if disorder == "descending" else local.shuffle(seed=1)
-    with pytest.raises(TimeError, match="not in order of time"):
+    with pytest.raises(TimeError, match="not in recorded order"):
         convert_local_times_to_utc(local, BERLIN)
 
 
 def test_times_that_a_zone_skips_are_refused() -> None:
     skipped = pl.Series([1_774_749_600 * SECOND_NS])  # 29 March 2026, 2:00 by the clock
-    with pytest.raises(TimeError, match="clocks were set forward over 2026-03-29 02:00:00"):
+    with pytest.raises(TimeError, match="2026-03-29 02:00:00 does not exist in Europe/Berlin"):
         convert_local_times_to_utc(skipped, BERLIN)

@@ -311,7 +311,7 @@ def test_a_channel_without_a_schema_says_that_its_type_is_unknown(tmp_path: Path
         writer.finish()
     with open_log(tmp_path / "bare.mcap") as log:
         (problem,) = log.topics()["problem"]
-    assert problem == "the log does not state the type of its messages"
+    assert problem == "the log does not state the message type of this topic"
 
 
 def test_of_a_torn_chunk_it_is_said_how_many_messages_are_read(tmp_path: Path) -> None:

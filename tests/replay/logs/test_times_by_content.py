@@ -93,7 +93,7 @@ def test_a_stated_unit_that_another_clock_contradicts_is_asked_for(
 ) -> None:
     """What is called ms and counts s, or µs, or millionths of a day."""
     cells = [f"{k / 50 / unit_s:.6f},2026-11-13 08:15:{30 + k / 50:06.3f}" for k in range(ROWS)]
-    with pytest.raises(LogError, match=r"last .* by 'TimeString'.*\[log\] time") as asked:
+    with pytest.raises(LogError, match=r"span .* by 'TimeString'.*\[log\] time") as asked:
         span_of(table(tmp_path, "Time_ms,TimeString,v", cells))
     assert_one_line(asked.value)
 

@@ -169,8 +169,8 @@ ATTACKS: dict[str, tuple[Change, str]] = {
     "drop one": (drop(3), "number 3 is missing"),
     "drop two": (drop(3, 4), "numbers 3 to 4 are missing"),
     "drop every second": (drop(2, 4), "number 2 is missing"),
-    "drop the head": (drop(0), "does not begin with the head"),
-    "drop all": (lambda _: [], "does not begin with the head"),
+    "drop the head": (drop(0), "first line is not the head"),
+    "drop all": (lambda _: [], "first line is not the head"),
     "swap two": (swap(2, 3), "number 3 is not|missing|out of order"),
     "swap first and last": (swap(1, 6), "missing|out of order"),
     "reverse": (lambda lines: [lines[0], *lines[:0:-1]], "out of order"),
@@ -190,7 +190,7 @@ ATTACKS: dict[str, tuple[Change, str]] = {
     "other format": (replace(0, b"payscope-notary/1", b"payscope-notary/2"), "line 1"),
     "replaces": (replace(2, b'"replaces":null', b'"replaces":1'), "not signed"),
     "size": (replace(2, b'"size_bytes":', b'"size_bytes":1'), "not signed"),
-    "signature gone": (replace(2, b'"signature":"', b'"signatures":"'), "not a signed line"),
+    "signature gone": (replace(2, b'"signature":"', b'"signatures":"'), "has no signature"),
     "signature of zeros": (
         lambda lines: [line[:-90] + b"A" * 86 + b'=="}' if k == 2 else line
                        for k, line in enumerate(lines)],
@@ -201,8 +201,8 @@ ATTACKS: dict[str, tuple[Change, str]] = {
     "a name twice": (replace(2, b'{"begins"', b'{"begins":"","begins"'), "appears twice"),
     "no JSON": (lambda lines: [*lines[:2], b"nonsense", *lines[3:]], "not valid JSON"),
     "an empty line": (lambda lines: [*lines[:3], b"", *lines[3:]], "not valid JSON"),
-    "null": (lambda lines: [*lines[:3], b"null", *lines[3:]], "not a signed line"),
-    "a list": (lambda lines: [*lines[:3], b"[]", *lines[3:]], "not a signed line"),
+    "null": (lambda lines: [*lines[:3], b"null", *lines[3:]], "has no signature"),
+    "a list": (lambda lines: [*lines[:3], b"[]", *lines[3:]], "has no signature"),
     "nested": (lambda lines: [*lines[:3], b"[" * 90_000, *lines[3:]], "nested deeper"),
     "very long": (lambda lines: [*lines[:3], b" " * (2 << 20), *lines[3:]], "has more than"),
     "carriage returns": (
@@ -258,7 +258,7 @@ def at(number: int, **values: str) -> Callable[[int, dict[str, Any]], None]:
         (at(3, ends="2026-05-01T12:00:30Z"), "number 3 ends before it begins"),
         (
             at(3, begins="2026-04-01T11:00:00Z", ends="2026-04-01T11:01:00Z"),
-            "it came later than it was recorded, or its clock was set back",
+            "it reached the folder late, or the recorder's clock was set back",
         ),
     ],
 )

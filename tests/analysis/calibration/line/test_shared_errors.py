@@ -171,7 +171,7 @@ def test_an_empty_part_that_weighs_otherwise_refuses_the_calibration_of_the_log(
         how="vertical_relaxed",
     )
     reasons = calibrate_loads(both, line, LaterLog(empty_kg=3614.0))["calibrated_reason"]
-    assert all("the empty machine 3,614 kg" in reason for reason in reasons)
+    assert all("but 3,614 kg by its stated mass" in reason for reason in reasons)
     right = both.with_columns(mass_kg=pl.Series([3616.0, 3700.0]))
     reasons = calibrate_loads(right, line, LaterLog(empty_kg=3614.0))["calibrated_reason"]
     assert reasons.to_list() == ["", ""]

@@ -148,7 +148,7 @@ def test_what_turns_is_refused_where_only_straight_motion_is_simulated_and_says_
 
 def test_one_trial_is_solved_only_where_all_are_alike():
     made = Scenario.model_validate({"drivetrain": {"rotating_kg": 100.0}})
-    with pytest.raises(ScenarioError, match=r"drivetrain\.rotating_kg: needs a whole log"):
+    with pytest.raises(ScenarioError, match=r"drivetrain\.rotating_kg: cannot be solved trial"):
         solve_motion(made, 0.0)
 
 

@@ -273,5 +273,5 @@ def test_values_that_contradict_each_other_are_refused(keys: dict[str, Any], say
 
 
 def test_a_shift_is_no_campaign() -> None:
-    with pytest.raises(ScenarioError, match="shift: is not a campaign"):
+    with pytest.raises(ScenarioError, match="shift: this scenario is a shift"):
         simulate_campaign(shift_of())

@@ -130,8 +130,8 @@ def test_of_samples_that_share_a_stamp_the_last_is_kept_and_the_others_counted(r
     ("values", "fault"),
     [
         (["fast"] * 500, "is String, not a number; choose another field"),
-        ([None] * 500, "holds no number in 500 samples"),
-        ([np.nan] * 499 + [1.0], "holds a single sample, but at least two are needed"),
+        ([None] * 500, "has no number in 500 samples"),
+        ([np.nan] * 499 + [1.0], "has a single sample, but at least two are needed"),
     ],
 )
 def test_a_field_without_numbers_is_an_error_that_names_channel_field_and_topic(
@@ -151,7 +151,7 @@ def test_a_hint_without_numbers_is_a_loss_and_one_of_the_wrong_type_an_error(raw
     )
     channels, losses, _ = derived(loader(raw_topic, x=[None] * 500), hinted)
     assert "gear_ratio_1" not in channels
-    assert str(losses[0]) == "gear_ratio_1: x of /imu holds no number in 500 samples"
+    assert str(losses[0]) == "gear_ratio_1: x of /imu has no number in 500 samples"
     with pytest.raises(DataError, match="gear_ratio_1: x of /imu is String"):
         derived(loader(raw_topic, x=["first"] * 500), hinted)
 
@@ -342,7 +342,7 @@ def test_what_stands_for_no_reading_is_left_out_and_counted(raw_topic, machine):
 
 
 def test_a_field_of_nothing_but_that_is_an_error(raw_topic, machine):
-    with pytest.raises(DataError, match="holds only numbers beyond 1e\\+15 N"):
+    with pytest.raises(DataError, match="has only numbers beyond 1e\\+15 N"):
         derived(loader(raw_topic, force=np.full(500, 1e300)), machine())
 
 
