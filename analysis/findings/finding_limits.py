@@ -283,11 +283,11 @@ class FindingLimits:
     resonance_peak_ratio: float = 4.0
     #: Standard deviations from which a term that the model lacks is reported; it widens from 3.
     named_term_min_std: float = 5.0
-    #: Half of a hysteresis loop that is reported, as a share of the largest force: half of what
-    #: sensors of its accuracy class have.
+    #: Half of a reported hysteresis loop over the largest force: half of what such sensors have.
     hysteresis_share: float = 0.003
-    #: of noise in motion,
+    #: of noise in motion, if standstill has this part of its power at least,
     driving_noise_ratio: float = 1.9
+    still_noise_ratio: float = 1e-6
     #: and of slow noise.
     slow_noise_ratio: float = 2.6
 

@@ -164,7 +164,8 @@ def find_residual_noise_growth_in_motion(inputs: FindingInputs) -> list[Symptom]
         _median_power_in_band(found.hz, power, *LIMITS.reference_band_hz)
         for power in (found.driving, found.standing)
     )
-    ratio = driving / max(standing, 1e-12)
+    # coarse readings stand exactly still, and show no noise
+    ratio = driving / standing if standing > LIMITS.still_noise_ratio * driving else 0.0
     return [
         Symptom(
             ratio / LIMITS.driving_noise_ratio,

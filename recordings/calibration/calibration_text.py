@@ -7,7 +7,7 @@ from typing import Final
 import polars as pl
 
 from analysis.calibration.line.calibration import Calibration
-from analysis.calibration.line.calibration_budget import rank_loads_for_next_run
+from analysis.calibration.line.calibration_budget import NextLoad, rank_loads_for_next_run
 from analysis.calibration.line.outliers import find_runs_with_swapped_loads
 from estimators.errors import format_count, join_first_names
 from recordings.calibration.bundle_limits import LIMITS
@@ -57,10 +57,13 @@ def write_report_paragraphs(
             describe_calibration_offset(fitted),
             *(f"{_capitalise_first_letter(said)}." for said in fitted.says),
             *_describe_learnt_priors(document),
-            *(describe_one_day_limits(document) if document.kind == "calibration" else ()),
-            *(describe_driving_unlike_campaign(fitted) if document.kind == "calibration" else ()),
-            *(_describe_most_useful_next_load(fitted) if document.kind == "calibration" else ()),
         ]
+        if document.kind == "calibration":
+            found += [
+                *describe_one_day_limits(document),
+                *describe_driving_unlike_campaign(fitted),
+                describe_next_load(rank_loads_for_next_run(fitted)[0]),
+            ]
     if document.kind == "calibration":
         found += [
             *describe_previous_line_as_found(document),
@@ -214,14 +217,20 @@ def describe_driving_unlike_campaign(calibration: Calibration) -> list[str]:
     ]
 
 
-def _describe_most_useful_next_load(calibration: Calibration) -> list[str]:
+def describe_next_load(best: NextLoad) -> str:
     """Say in a sentence which load of the campaign would be most useful to run next."""
-    best = rank_loads_for_next_run(calibration)[0]
-    return [
+    now, then = (f"{each:,.1f}" for each in (best.half_width_now_kg, best.half_width_kg))
+    if best.half_width_kg >= best.half_width_now_kg:
+        return (
+            f"Next load: one more run with a load of this campaign leaves half the interval of a "
+            f"later mass at {now} kg or more. The runs disagree with the line: check the entered "
+            "masses, and the logs of the runs farthest from it."
+        )
+    return (
         f"Next load: of those of this campaign, one more run with '{best.load_id}' on another day "
-        f"makes the line surest; half the interval of a later mass would go from "
-        f"{best.half_width_now_kg:,.1f} to {best.half_width_kg:,.1f} kg."
-    ]
+        f"makes the line surest; half the interval of a later mass would go from {now} to {then} "
+        "kg."
+    )
 
 
 def describe_calibration_offset(calibration: Calibration) -> str:

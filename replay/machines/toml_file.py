@@ -55,7 +55,8 @@ def read_toml_file(path: Path, error_type: type[PayscopeError]) -> dict[str, Any
     """
     text = ""
     try:
-        text = path.read_text(encoding="utf-8")
+        # with the byte order mark that some editors write
+        text = path.read_text(encoding="utf-8-sig")
         content = tomllib.loads(text)
     except OSError as fault:
         raise error_type(f"{path}: cannot be read ({fault.strerror})") from None

@@ -9,11 +9,15 @@ import math
 from collections.abc import Mapping
 from typing import Final
 
+import numpy as np
+
 from analysis.model.machine import Machine
 from analysis.model.settings import AlignSettings, GateSettings, SmoothSettings
+from analysis.model.windows import find_flagged_runs
 from analysis.stages.signals import mounting, rates
 from analysis.stages.signals.piecewise_constant import mark_piecewise_constant_channels
 from analysis.stages.signals.signal_limits import LIMITS
+from estimators.arrays import Ints
 
 #: The paper's rate, in Hz: the highest that is chosen, also for logs that are only a little slower.
 PAPER_HZ: Final[float] = AlignSettings.model_fields["rate_hz"].default
@@ -82,10 +86,34 @@ def find_slowest_channel_and_rate_hz(
         for source in rates.find_source_channels(name, machine)
         if source in channels and not machine.is_piecewise_constant(source)
     }
-    periods = {
-        name: rates.compute_mean_period_without_gaps_ns(channels[name][0], 1e9 / PAPER_HZ)
-        for name in names
-    }
+    periods = {name: _find_longest_steady_period_ns(channels[name][0]) for name in names}
     slowest = max(sorted(periods), key=lambda name: periods[name])
     # six digits: no clock is better, and so the grid of an even log falls on its samples
     return slowest, float(f"{1e9 / periods[slowest]:.6g}")
+
+
+def _find_longest_steady_period_ns(t_ns: Ints) -> float:
+    """Period of a channel in ns; if it changes, as after a restart, the longest one of some time.
+
+    At the usual rate alone, all readings at the slower one would be lost in gaps.
+    """
+    usual_ns = rates.compute_mean_period_without_gaps_ns(t_ns, 1e9 / PAPER_HZ)
+    steps_ns = np.diff(t_ns)
+    gap_periods: float = AlignSettings.model_fields["gap_periods"].default
+    longer_ns = [
+        steps_ns[first : last + 1]
+        for first, last in zip(*find_flagged_runs(steps_ns > gap_periods * usual_ns), strict=True)
+        if last - first + 1 >= LIMITS.slower_min_steps
+    ]
+    steady_ns = [each for each in longer_ns if _is_steady(each)]
+    slower_ns = np.concatenate([steps_ns[:0], *steady_ns])
+    if slower_ns.sum() <= LIMITS.slower_min_time_fraction * steps_ns.sum():
+        return usual_ns
+    return float(np.median(slower_ns))
+
+
+def _is_steady(steps_ns: Ints) -> bool:
+    """Whether nearly all steps are about equal."""
+    ratio = steps_ns / np.median(steps_ns)
+    limit = LIMITS.slower_steady_ratio
+    return float(np.mean((ratio < limit) & (ratio > 1.0 / limit))) > LIMITS.slower_steady_fraction

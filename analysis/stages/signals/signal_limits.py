@@ -72,6 +72,14 @@ class SignalLimits:
     common_step_steps: int = 101
 
     # grid_rate
+    #: Fewest steps in a row that are gaps at a channel's usual rate and make a slower rate,
+    slower_min_steps: int = 20
+    #: fraction of them that is within the second ratio of their median (readings that come on a
+    #: change or in bursts are irregular),
+    slower_steady_fraction: float = 0.9
+    slower_steady_ratio: float = 1.2
+    #: and smallest fraction of the recorded time at such a rate: less is left out as gaps.
+    slower_min_time_fraction: float = 0.1
     #: Fewest readings of the slowest channel in a window: mass, friction and how they scatter are
     #: estimated from them.
     window_min_readings: int = 20

@@ -1,5 +1,7 @@
 """Which load to run next."""
 
+from dataclasses import replace
+
 import numpy as np
 import polars as pl
 import pytest
@@ -7,6 +9,7 @@ import pytest
 from analysis.calibration.line.calibration import CalibrationOptions
 from analysis.calibration.line.calibration_budget import rank_loads_for_next_run
 from analysis.calibration.line.line_fit import fit_calibration_line
+from recordings.calibration.calibration_text import describe_next_load
 from tests.analysis.calibration.campaigns import readings, references
 
 
@@ -64,3 +67,10 @@ def test_a_run_is_worth_what_it_then_is_on_the_average():
         then = np.array(after.covariance)
         found.append((then[0] * then[2] - then[1] ** 2) / (now[0] * now[2] - now[1] ** 2))
     assert np.median(found) == pytest.approx(np.median(promised), rel=0.1)
+
+
+def test_a_run_that_would_not_narrow_the_interval_is_not_recommended():
+    best, *_ = rank_loads_for_next_run(fitted(readings(days=1, runs=2)))
+    assert f"one more run with '{best.load_id}'" in describe_next_load(best)
+    wider = replace(best, half_width_kg=1.1 * best.half_width_now_kg)
+    assert "check the entered masses" in describe_next_load(wider)

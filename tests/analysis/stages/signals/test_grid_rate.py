@@ -107,3 +107,17 @@ def test_what_is_unset_stays_so_when_other_settings_change():
     found, _ = choose_grid_rate_by_log(all_at(10.0), machine)
     assert found.settings.gate.window_samples == 32
     assert found.settings.gate.threshold_nat == 0.5
+
+
+@pytest.mark.parametrize(
+    ("later_steps_ms", "rate_hz"),
+    [
+        pytest.param([100] * 500, 10.0, id="half the log is slower, and would be lost in gaps"),
+        pytest.param([100] * 30, 50.0, id="a twentieth is slower: it is a gap"),
+        pytest.param(range(70, 900, 4), 50.0, id="readings that come on a change have no rate"),
+    ],
+)
+def test_a_log_that_becomes_slower_has_the_rate_that_reads_it_all(later_steps_ms, rate_hz):
+    t_ns = np.cumsum([20] * 3000 + [*later_steps_ms]) * 1_000_000
+    (found_hz, *_), _ = chosen({name: (t_ns, np.sin(t_ns / 1e9)) for name in CHANNELS})
+    assert found_hz == pytest.approx(rate_hz)
