@@ -192,7 +192,9 @@ def find_load_states(
             states, scatter_kg=repeatability_kg, degrees_of_freedom=np.inf, assumes_scatter=False
         )
     probability = (
-        found.single_probability if best.stretch_count > 1 else 1.0 - found.single_probability
+        found.single_probability
+        if best.stretch_count > 1
+        else 1.0 - found.single_probability_by_place
     )
     return replace(
         states,

@@ -50,12 +50,14 @@ class Partitions:
         several: the most probable partition with several levels; None for one unit.
         single_probability: probability of a single level among all candidates, each at its best
             scatter.
+        single_probability_by_place: the same with the recurrent places of the changes.
     """
 
     best: Partition
     single: Partition
     several: Partition | None
     single_probability: float
+    single_probability_by_place: float
 
 
 def find_best_partitions(
@@ -112,10 +114,10 @@ def find_best_partitions(
                 found[key] = each, posterior
     single, _ = found[one.tobytes()]
     others = [each for key, each in found.items() if key != one.tobytes()]
-    logs = np.array([each.log_posterior for each, _ in found.values()])
-    probability = float(np.exp(single.log_posterior - np.logaddexp.reduce(logs)))
+    logs = [(each.log_posterior, each.log_posterior_by_place) for each, _ in found.values()]
+    probability, by_place_1 = np.exp(single.log_posterior - np.logaddexp.reduce(logs)).tolist()
     if not others:
-        return Partitions(single, single, None, probability)
+        return Partitions(single, single, None, probability, by_place_1)
     # places tell which of several levels are likely, not whether there are several
     has_several = max(each.log_posterior for each, _ in others) > single.log_posterior
     several, posterior = max(others, key=lambda each: each[0].log_posterior_by_place)
@@ -123,7 +125,8 @@ def find_best_partitions(
     best = single
     if has_several:
         best = _drop_uncertain_changes(several, posterior)
-    return Partitions(best, single, best if best.stretch_count > 1 else several, probability)
+    likeliest = best if best.stretch_count > 1 else several
+    return Partitions(best, single, likeliest, probability, by_place_1)
 
 
 def move_changes_to_nearest_record_ends(
