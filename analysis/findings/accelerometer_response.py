@@ -240,3 +240,19 @@ def find_force_rise_ends(inputs: FindingInputs, force: Floats, min_held_samples:
         and inputs.is_standing_sample[k - stood - clear : k - clear].all()
         and pushes[k + 2 * behind : k + min_held_samples].mean() > LIMITS.start_held_fraction
     ]
+
+
+def may_noise_lower_imu_gain_from_1(inputs: FindingInputs) -> bool:
+    """Whether noise of the wheels' acceleration may lower a gain of 1 to what the log shows.
+
+    With noise in both, the gain lies between the slope of the accelerometer over the wheels and the
+    reciprocal of the slope of the wheels over the accelerometer.
+
+    Source:
+        Fuller, Measurement Error Models (1987), 1.1.
+    """
+    blocks = average_wheels_and_imu_while_driving(inputs)
+    if blocks is None:
+        return False
+    (wheels, common), (_, imu) = np.cov(blocks.wheels_m_s2, blocks.imu_m_s2).tolist()
+    return common < wheels and 0.0 < common <= imu

@@ -9,6 +9,7 @@ from analysis.findings.accelerometer_response import (
     PitchCorrection,
     find_pitch_correction,
     fit_imu_to_wheel_acceleration_gain_and_std,
+    may_noise_lower_imu_gain_from_1,
 )
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import ACC, ACCELERATIONS, FindingInputs
@@ -265,6 +266,8 @@ def _find_wrong_unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
     seen = fit_imu_to_wheel_acceleration_gain_and_std(inputs)
     # with little motion the gain is arbitrary
     if not gain > 0.0 or seen is None or not seen[1] < LIMITS.known_ratio_u * abs(seen[0]):
+        return []
+    if may_noise_lower_imu_gain_from_1(inputs):
         return []
     units = list_unit_mistakes_by_ratio(inputs)
     channels = dict.fromkeys(units, inputs.speed_channels)
