@@ -101,12 +101,17 @@ def find_drift_of_empty_mass(inputs: FindingInputs) -> list[Symptom]:
     if weighing is None or drift is None:
         return []
     u_kg = drift.gain_u_1 * abs(weighing.fit.mass_kg)
+    change, cause = (
+        ("more", "gains mass, such as mud")
+        if drift.change_1 > 0.0
+        else ("less", "loses mass, such as fuel")
+    )
     return [
         Symptom(
             abs(drift.change_1) / drift.significance_threshold_1,
-            f"the empty machine weighs {abs(drift.change_1):.1%} ± {drift.u_1:.1%} "
-            f"{'more' if drift.change_1 > 0.0 else 'less'} at the end of the log than at its "
-            "beginning: the force's gain drifts, or the machine loses mass",
+            f"the empty machine weighs {abs(drift.change_1):.1%} ± {drift.u_1:.1%} {change} at the "
+            "end of the log than at its beginning: the force's gain drifts, or the machine "
+            f"{cause}",
             channel=inputs.force_channel,
             change=lambda: MassChange(0.0, u_kg),
         )
