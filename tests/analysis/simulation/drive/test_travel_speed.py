@@ -160,7 +160,7 @@ def test_a_machine_that_its_motor_does_not_move_is_refused():
 
 
 def test_a_travel_has_no_exact_solution():
-    with pytest.raises(ScenarioError, match=r"a travel.*needs a whole log"):
+    with pytest.raises(ScenarioError, match=r"a travel.*use simulate_campaign"):
         solve_motion(scenario(**CAR, campaign=travel()), 0.0)
 
 
