@@ -267,8 +267,6 @@ def _find_wrong_unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
     # with little motion the gain is arbitrary
     if not gain > 0.0 or seen is None or not seen[1] < LIMITS.known_ratio_u * abs(seen[0]):
         return []
-    if may_noise_lower_imu_gain_from_1(inputs):
-        return []
     units = list_unit_mistakes_by_ratio(inputs)
     channels = dict.fromkeys(units, inputs.speed_channels)
     if not _does_z_axis_read_gravity(inputs):
@@ -281,6 +279,8 @@ def _find_wrong_unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
     }
     ratio = min(near, key=near.__getitem__, default=None)
     if ratio is None or near[ratio] > LIMITS.unit_ratio_tolerance:
+        return []
+    if may_noise_lower_imu_gain_from_1(inputs):  # and the ratio is near by chance
         return []
     alike = [
         r

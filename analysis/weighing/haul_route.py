@@ -150,9 +150,10 @@ def propose_hauling_partitions(motion: MotionSamples) -> list[Ints]:
     """
     kind = classify_load_change_evidence(motion)
     begins_m, forwards = _find_manoeuvre_starts_and_directions(motion)
+    numbers = number_recurrent_stops(motion)
     visits = [
-        np.isin(begins_m[1:], add_missed_dump_visits(begins_m[1:][each], begins_m[1:]))
-        for each in mark_standstills_at_recurrent_stops(begins_m, forwards)
+        np.isin(begins_m[1:], add_missed_dump_visits(begins_m[1:][numbers == each], begins_m[1:]))
+        for each in range(1, numbers.max(initial=0) + 1)
     ]
     changes = [each & (kind > 0) for each in visits]
     taking_turns = [mark_loaded_manoeuvres(on, off) for on, off in combinations(visits, 2)]

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 
 from analysis.stages.signals.grid_rate import count_rows_in_duration
-from analysis.weighing.fit_columns import compute_samples_between_fitted_means
+from analysis.weighing.fit_columns import FitRows, compute_samples_between_fitted_means
 from analysis.weighing.fit_task import FitTask
 from analysis.weighing.haul_route import number_recurrent_stops, propose_hauling_partitions
 from analysis.weighing.joint_fit import (
@@ -198,12 +198,11 @@ def _refit_with_scatter_estimated_from_states(
 
 
 def _estimate_manoeuvre_mass_levels(
-    fit: JointFit, inputs: JointFitInputs, change_kinds: Ints
+    fit: JointFit, inputs: JointFitInputs, change_kinds: Ints, fit_rows: FitRows | None = None
 ) -> UnitLevels:
-    """Mass estimates of each manoeuvre by a fit, with the kinds of change between them."""
-    manoeuvre_masses = _rebuild_task_of_fit(fit, inputs).estimate_manoeuvre_masses(
-        fit, make_refit_rows(fit, inputs.noise)
-    )
+    """Mass estimates of each manoeuvre by a fit, with the kinds and places of the stops between."""
+    rows = make_refit_rows(fit, inputs.noise) if fit_rows is None else fit_rows
+    manoeuvre_masses = _rebuild_task_of_fit(fit, inputs).estimate_manoeuvre_masses(fit, rows)
     return replace(manoeuvre_masses, kind=change_kinds, place=number_recurrent_stops(fit.motion))
 
 
@@ -237,18 +236,11 @@ def search_states_and_refit_until_stable(
         return _set_masses_to_unknown(first_fit)
     first, best, tried = first_fit, None, list[Ints]()
     for _ in range(LIMITS.state_rounds):
-        task, rows = (
-            _rebuild_task_of_fit(first_fit, inputs),
-            make_refit_rows(first_fit, inputs.noise),
-        )
+        rows = make_refit_rows(first_fit, inputs.noise)
         states = max(
             (
                 find_load_states(
-                    replace(
-                        task.estimate_manoeuvre_masses(first_fit, each),
-                        kind=change_kinds,
-                        place=number_recurrent_stops(first_fit.motion),
-                    ),
+                    _estimate_manoeuvre_mass_levels(first_fit, inputs, change_kinds, each),
                     number,
                     repeatability_kg,
                 )

@@ -15,8 +15,9 @@ from estimators.arrays import Bools, Ints
 from estimators.joint.joint_limits import LIMITS
 from estimators.joint.unit_levels import NAMED, RESTARTED, UnitLevels
 
-_HALF: Final = float(np.log(0.5))
-_THIRD: Final = float(np.log(1.0 / 3.0))
+#: Log probabilities of two cases, and of three, of which each is as probable.
+LOG_HALF: Final = float(np.log(0.5))
+LOG_THIRD: Final = float(np.log(1.0 / 3.0))
 
 
 def compute_log_prior_of_unknown_change_rate(change_kinds: Ints, has_change: Bools) -> float:
@@ -37,12 +38,12 @@ def compute_log_prior_of_unknown_change_rate(change_kinds: Ints, has_change: Boo
             one_each = (
                 1.0 - LIMITS.same_level_probability
             ) ** used * LIMITS.same_level_probability ** (places - used)
-            total += float(np.log(by_rate + (used == 0) + one_each)) + _THIRD
+            total += float(np.log(by_rate + (used == 0) + one_each)) + LOG_THIRD
         elif each > 1:
             # ∫ 2 p pᵏ (1 - p)ⁿ⁻ᵏ dp, unless the evidence is unrelated
             by_rate = (
                 float(betaln(used + 2, places - used + 1))
-                - _HALF
+                - LOG_HALF
                 + np.log1p(-LIMITS.unrelated_hint_probability)
             )
             total += (
@@ -52,9 +53,9 @@ def compute_log_prior_of_unknown_change_rate(change_kinds: Ints, has_change: Boo
             )
         elif used:
             # ∫ pᵏ (1 - p)ⁿ⁻ᵏ dp
-            total += float(betaln(used + 1, places - used + 1)) + _HALF
+            total += float(betaln(used + 1, places - used + 1)) + LOG_HALF
         else:
-            total += _HALF
+            total += LOG_HALF
     return total
 
 
@@ -81,7 +82,7 @@ def compute_log_odds_of_changes_by_place(
         compute_log_prior_of_unknown_change_rate(change_kinds[here], has_change[here])
         for here in (apart & (places == each) for each in np.unique(places[apart]))
     )
-    return float(np.logaddexp(_HALF, _HALF + by_place - by_kind))
+    return float(np.logaddexp(LOG_HALF, LOG_HALF + by_place - by_kind))
 
 
 def list_partitions_by_place(units: UnitLevels) -> list[Ints]:

@@ -21,6 +21,8 @@ from scipy.special import betaln, gammaln
 from estimators.arrays import Bools, Floats, Ints
 from estimators.interpreted import compiled_unless_short_log
 from estimators.joint.change_rates import (
+    LOG_HALF,
+    LOG_THIRD,
     compute_log_odds_of_changes_by_place,
     compute_log_prior_of_unknown_change_rate,
 )
@@ -29,8 +31,6 @@ from estimators.joint.unit_levels import DUMPED, FILLED, HINTED, NAMED, UnitLeve
 
 #: Standard deviations of the levels, as fractions of the largest spread.
 _DEVIATIONS: Final = 0.5 ** np.arange(6)
-_HALF: Final = float(np.log(0.5))
-_THIRD: Final = float(np.log(1.0 / 3.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -242,10 +242,10 @@ def list_level_assignments(ends_in_filling: Bools) -> list[LevelAssignment]:
     # neighbours of one level would be one state
     if emptied.sum() > 1 and not is_known and not (emptied[1:] & emptied[:-1]).any():
         recurs.append(emptied)
-    back = _THIRD - float(np.log(len(recurs)))
+    back = LOG_THIRD - float(np.log(len(recurs)))
     return [
-        LevelAssignment(_THIRD, own),
-        LevelAssignment(_THIRD, own % 2),
+        LevelAssignment(LOG_THIRD, own),
+        LevelAssignment(LOG_THIRD, own % 2),
         *(
             LevelAssignment(
                 back,
@@ -338,7 +338,7 @@ def compute_log_prior_of_work_cycles(change_kinds: Ints, has_change: Bools) -> f
         betaln(cycles * rare + several, cycles * (1.0 - rare) + once)
         - betaln(cycles * rare, cycles * (1.0 - rare))
     )
-    log += _HALF * (int(is_cut.sum()) + int((parts[parts > 1] - 1).sum()))
+    log += LOG_HALF * (int(is_cut.sum()) + int((parts[parts > 1] - 1).sum()))
     # any choice of so many boundaries, each by its weight, the second another than the first
     log += float(gammaln(parts + 1).sum() + np.log(weight[emptied] / total[cycle[emptied]]).sum())
     same = np.bincount(cycle, weight**2, minlength=count)[parts > 1] / total[parts > 1] ** 2

@@ -121,8 +121,7 @@ def find_unit_in_name(name: str) -> str:
     _, unit = physical_units.split_unit_from_name(name)
     if unit is None and name not in BODY_NUMBERS and not name.endswith("_1"):
         raise MachineError(
-            f"'{name}' does not end in its unit; call it {name}_N_m for a torque in N·m, {name}_A "
-            f"for a current in A, or {name}_1 for a pure number"
+            f"'{name}' needs its unit at the end: {name}_N_m, {name}_A, or {name}_1 for a number"
         )
     return unit or ""
 

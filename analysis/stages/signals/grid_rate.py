@@ -99,10 +99,10 @@ def _find_longest_steady_period_ns(t_ns: Ints) -> float:
     """
     usual_ns = rates.compute_mean_period_without_gaps_ns(t_ns, 1e9 / PAPER_HZ)
     steps_ns = np.diff(t_ns)
-    gap_periods: float = AlignSettings.model_fields["gap_periods"].default
+    is_gap = steps_ns > rates.GAP_PERIODS * usual_ns
     longer_ns = [
         steps_ns[first : last + 1]
-        for first, last in zip(*find_flagged_runs(steps_ns > gap_periods * usual_ns), strict=True)
+        for first, last in zip(*find_flagged_runs(is_gap), strict=True)
         if last - first + 1 >= LIMITS.slower_min_steps
     ]
     steady_ns = [each for each in longer_ns if _is_steady(each)]

@@ -15,6 +15,8 @@ from analysis.stages.signals.resample import average_about_instants, interpolate
 from analysis.stages.signals.signal_limits import LIMITS
 from estimators.arrays import Floats, Ints
 
+#: Default length of a step, in periods of the channel or the grid, up to which it is not a gap.
+GAP_PERIODS: Final[float] = AlignSettings.model_fields["gap_periods"].default
 _TORQUES: Final = ("torque_left_N_m", "torque_right_N_m")
 _WHOLE_TURN: Final = {"longitude_deg": 360.0, "roll_rad": 2 * np.pi}
 
@@ -98,8 +100,7 @@ def make_channel_series(name: str, frame: pl.DataFrame, machine: Machine) -> Cha
 
 def compute_mean_period_without_gaps_ns(t_ns: Ints, step_ns: float) -> float:
     """Mean of a channel's steps that are not gaps on a grid of `step_ns`."""
-    gap_periods: float = AlignSettings.model_fields["gap_periods"].default
-    longest_ns = gap_periods * float(np.fmax(filters.compute_median_period_ns(t_ns), step_ns))
+    longest_ns = GAP_PERIODS * float(np.fmax(filters.compute_median_period_ns(t_ns), step_ns))
     return compute_mean_step_up_to_max_gap_ns(t_ns, longest_ns, step_ns)
 
 
