@@ -226,9 +226,10 @@ class FitTask:
                 )
             ),
             slip_s_m=by_name["slip"],
-            relative_loads=(loads := self._compute_relative_loads(theta[:masses])),
-            route=self._find_route(loads),
         )
+        if self.states is not None and self.states.state_count > 1:
+            loads = self._compute_relative_loads(theta[:masses])
+            after = replace(after, relative_loads=loads, route=self._find_route(loads))
         return after, abs(late_s)
 
     def estimate_manoeuvre_masses(self, fit: JointFit, fit_rows: FitRows) -> UnitLevels:

@@ -79,6 +79,8 @@ class LoadLimits:
     single_load_min_probability: float = 0.05
     #: Several loads are not while all their partitions together exceed this: some fit chance.
     several_loads_min_probability: float = 0.2
+    #: Probability of a single load that uneven ground explains as well as loads do: even odds.
+    single_or_several_probability: float = 0.5
     #: Loads that a fit of one load hides are taken below this probability of one.
     hidden_loads_max_single_probability: float = 1e-6
     #: Loads that change on the move are taken below this: of one load it was 0.88 and more in 24
@@ -146,6 +148,9 @@ class LoadLimits:
     #: Independent residuals of a manoeuvre: a start of three seconds, whose residuals are alike
     #: over 0.2 s. What a fit leaves while the machine cruises tells little of its mass.
     independent_residuals: int = 15
+    #: Akaike criterion per manoeuvre by which loads must be more likely than a single load on
+    #: uneven ground: 0.1 of an empty machine, 0.6 to 15 of loads that were there.
+    min_criterion_gain_of_loads: float = 0.25
 
 
 #: The values in use.

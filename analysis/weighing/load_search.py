@@ -1,7 +1,7 @@
 """Search for load states: find the states and fit their masses in turn until both are stable."""
 
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from analysis.weighing.load_changes import (
 )
 from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
 from analysis.weighing.load_states import (
+    AlternativePartition,
     LoadStates,
     find_load_states,
     make_single_unknown_state,
@@ -44,7 +45,8 @@ def fit_with_searched_load_states(
     of a one-load fit more than loads do; and loads that follow the driving direction are as
     probable as a haul and its return. Therefore a poor fit is searched again, starting from loads
     that change where there is evidence of it and from those that the driving pattern suggests. The
-    fit with the smallest Akaike criterion is returned.
+    fit with the smallest Akaike criterion is returned; that of a single load has the ground along
+    the route too.
     """
     kind = classify_load_change_evidence(first_fit.motion)
     settled = search_states_and_refit_until_stable(first_fit, inputs, repeatability_kg, kind)
@@ -75,14 +77,15 @@ def fit_with_searched_load_states(
             _refit_with_scatter_estimated_from_states(held, inputs, repeatability_kg, kind),
         ]
     likely = [settled, *(each for each in fits if is_single_load_excluded(each))]
-    if len(likely) == 1:
-        return settled
-    return min(
+    best = min(
         likely,
         key=lambda each: alike.compute_akaike_criterion(
             _require_load_states(each).state_of_manoeuvre
         ),
     )
+    if best.mass_count == 1:
+        return best
+    return alike.fit_single_load_if_likeliest() or best
 
 
 def is_single_load_excluded(
@@ -90,6 +93,13 @@ def is_single_load_excluded(
 ) -> bool:
     """Whether a single load has a probability below the given one in this log."""
     return fit.mass_count > 1 and _require_load_states(fit).single_probability < max_probability
+
+
+class _AkaikeCriteria(NamedTuple):
+    """Akaike criteria of a partition, and of a single load with the same uneven ground."""
+
+    partition: float
+    single_load: float
 
 
 @dataclass(frozen=True)
@@ -101,14 +111,14 @@ class _PartitionComparison:
         manoeuvre_masses: mass estimate of each manoeuvre by itself.
         number: (manoeuvres,) numbers of the manoeuvres.
         samples: length of the means.
-        known: criterion of each partition already fitted, by the bytes of its array.
+        known: criteria of each partition already fitted, by the bytes of its array.
     """
 
     task: FitTask
     manoeuvre_masses: UnitLevels
     number: Ints
     samples: int
-    known: dict[bytes, float] = field(default_factory=dict[bytes, float])
+    known: dict[bytes, _AkaikeCriteria] = field(default_factory=dict[bytes, _AkaikeCriteria])
 
     @classmethod
     def from_fit(cls, earlier_fit: JointFit, inputs: JointFitInputs, samples_per_mean: int) -> Self:
@@ -145,18 +155,52 @@ class _PartitionComparison:
         key = np.ascontiguousarray(state_of_manoeuvre, np.int64).tobytes()
         if key not in self.known:
             self.known[key] = self._fit_and_score_by_akaike(state_of_manoeuvre)
-        return self.known[key]
+        return self.known[key].partition
 
-    def _fit_and_score_by_akaike(self, state_of_manoeuvre: Ints) -> float:
-        fitted = replace(
-            self.task, states=self.make_load_states(state_of_manoeuvre)
-        ).fit_over_sample_means(self.samples, 2)
-        if not np.isfinite(fitted.theta).all():
-            return np.inf
-        independent = LOAD_LIMITS.independent_residuals * self.number.size
-        return (
-            independent * float(np.log(fitted.solution.residual_rms**2)) + 2.0 * fitted.mass_count
+    def fit_single_load_if_likeliest(self) -> JointFit | None:
+        """Fit of a single load on uneven ground, if it is as likely as the likeliest loads.
+
+        Since neither fit explains the residual, those loads remain as probable.
+        """
+        single = min(self.known, key=lambda each: self.known[each].single_load)
+        several = min(self.known, key=lambda each: self.known[each].partition)
+        advantage = self.known[single].single_load - self.known[several].partition
+        if advantage > LOAD_LIMITS.min_criterion_gain_of_loads * self.number.size:
+            return None
+        state_of_manoeuvre = np.frombuffer(several, np.int64)
+        loads_kg = self._fit_partition(state_of_manoeuvre).masses_kg[state_of_manoeuvre]
+        fit = self._fit_single_load(self._fit_partition(np.frombuffer(single, np.int64)))
+        states = make_states_of_partition(
+            self.manoeuvre_masses, self.number, np.zeros_like(self.number), usual_scatter=False
         )
+        probability = LOAD_LIMITS.single_or_several_probability
+        doubted = AlternativePartition(
+            state_of_manoeuvre, loads_kg - fit.masses_kg, 0.0, 1.0 - probability
+        )
+        states = replace(states, single_probability=probability, alternative_partition=doubted)
+        return refit_with_extra_terms(
+            replace(fit, states=states), self.task.noise, self.task.priors
+        )
+
+    def _fit_and_score_by_akaike(self, state_of_manoeuvre: Ints) -> _AkaikeCriteria:
+        fitted = self._fit_partition(state_of_manoeuvre)
+        if not np.isfinite(fitted.theta).all():
+            return _AkaikeCriteria(np.inf, np.inf)
+        return _AkaikeCriteria(
+            self._score_by_akaike(fitted), self._score_by_akaike(self._fit_single_load(fitted))
+        )
+
+    def _fit_partition(self, state_of_manoeuvre: Ints) -> JointFit:
+        states = self.make_load_states(state_of_manoeuvre)
+        return replace(self.task, states=states).fit_over_sample_means(self.samples, 2)
+
+    def _fit_single_load(self, fit: JointFit) -> JointFit:
+        """Fit a single load with the ground columns of another fit."""
+        return self.task.fit_over_sample_means(self.samples, 1, initial_fit=fit)
+
+    def _score_by_akaike(self, fit: JointFit) -> float:
+        independent = LOAD_LIMITS.independent_residuals * self.number.size
+        return independent * float(np.log(fit.solution.residual_rms**2)) + 2.0 * fit.mass_count
 
 
 def _refit_with_fixed_load_states(states: LoadStates, inputs: JointFitInputs) -> JointFit:
