@@ -185,21 +185,22 @@ def find_load_states(
     best = (
         found.best if _is_load_state_partition_credible(found, repeatability_kg) else found.single
     )
-    other = found.several if best.stretch_count == 1 else found.single
+    is_single = best.stretch_count == 1
+    other = found.several if is_single else found.single
     states = _make_load_states(masses, manoeuvre_ids, best)
     if repeatability_kg is not None:
         states = replace(
             states, scatter_kg=repeatability_kg, degrees_of_freedom=np.inf, assumes_scatter=False
         )
-    probability = (
-        found.single_probability
-        if best.stretch_count > 1
-        else 1.0 - found.single_probability_by_place
+    # recurrent places make loads more probable, and are not needed to exclude a single load
+    single_probability = (
+        found.single_probability_by_place if is_single else found.single_probability
     )
+    other_probability = 1.0 - single_probability if is_single else single_probability
     return replace(
         states,
-        single_probability=found.single_probability,
-        alternative_partition=find_alternative_partition(masses, best, other, probability),
+        single_probability=single_probability,
+        alternative_partition=find_alternative_partition(masses, best, other, other_probability),
         log_odds=best.log_posterior - found.single.log_posterior,
     )
 

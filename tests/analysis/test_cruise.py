@@ -38,6 +38,7 @@ def rms(values):
     return np.sqrt(np.mean(np.square(values)))
 
 
+@pytest.mark.heavy
 def test_ungated_rls_loses_the_mass_in_90_s_of_cruise_and_gated_rls_keeps_it(errors):
     assert rms(errors[True, False]) < 0.02 * TRUE_KG
     assert rms(errors[False, False]) >= 20.0 * rms(errors[True, False])

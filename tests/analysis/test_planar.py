@@ -212,6 +212,7 @@ def test_a_log_that_cannot_weigh_tells_no_centre_of_mass():
         assert table[name].null_count() == table.height
 
 
+@pytest.mark.heavy
 def test_a_yaw_torque_that_is_noise_withholds_the_joint_fit_and_not_the_arcs():
     generator = np.random.default_rng(3)
     said = sensors(starts() + spins() + arcs())
@@ -224,6 +225,7 @@ def test_a_yaw_torque_that_is_noise_withholds_the_joint_fit_and_not_the_arcs():
     assert agrees(row, "com_x_m", "com_x_std_m", COM_X_M)
 
 
+@pytest.mark.heavy
 def test_a_gap_in_an_arc_splits_it():
     said = sensors(starts() + spins() + arc(1.2, 0.5, seconds=12.0)).with_row_index()
     middle = said.height - 100 - 200 - 600

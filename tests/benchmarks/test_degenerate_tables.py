@@ -145,6 +145,7 @@ CASES = {
 }
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     "case",
     # holes of most of a day are looked at for ten seconds

@@ -154,6 +154,7 @@ def test_every_compiled_function_is_kept_under_such_names() -> None:
     )
 
 
+@pytest.mark.heavy
 def test_importing_the_estimators_changes_nothing_of_the_process_and_reads_nothing_above() -> None:
     code = (
         "import os, sys, numba\n"

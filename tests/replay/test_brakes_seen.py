@@ -67,6 +67,7 @@ def causes(path: Path, **gate: object) -> list[str]:
     return run(open_log(path), machine).frames["findings"]["cause"].to_list()
 
 
+@pytest.mark.heavy
 def test_braking_that_tells_the_mass_of_driving_is_named_first(slide: Path) -> None:
     assert causes(slide)[0] == "braking_left_out"
     assert "braking_left_out" not in causes(slide, exclude_braking=False)
@@ -113,6 +114,7 @@ class TestInit:
         assert "measure the brakes?" not in made.read_text()
         assert payscope("run", table, "-m", made).status == 0
 
+    @pytest.mark.heavy
     def test_another_draft_names_the_setting_in_a_comment(
         self, payscope: Payscope, log: Path, tmp_path: Path
     ) -> None:

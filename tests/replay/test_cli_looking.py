@@ -173,6 +173,7 @@ class TestShow:
 
 
 class TestInit:
+    @pytest.mark.heavy
     def test_a_table_with_telling_names_gives_a_machine_file_that_runs(
         self, payscope: Payscope, tmp_path: Path
     ) -> None:
@@ -255,6 +256,7 @@ class TestInit:
         answer = json.loads(payscope("run", log, "-m", made, "--json", *words).out)
         assert answer["mass_kg"]["joint"] == pytest.approx(3614.0, rel=0.01)
 
+    @pytest.mark.heavy
     def test_the_unit_of_a_tables_time_goes_into_the_machine_file(
         self, payscope: Payscope, tmp_path: Path
     ) -> None:

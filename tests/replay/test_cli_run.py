@@ -24,6 +24,7 @@ pytestmark = pytest.mark.usefixtures("kept_replays")
 
 
 class TestRun:
+    @pytest.mark.heavy
     def test_prints_the_answer_and_writes_the_recording(
         self, payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
     ) -> None:
@@ -78,6 +79,7 @@ class TestRun:
         assert begins.index("uncertainty from") < begins.index("method") < begins.index("check")
         assert any(line.startswith("± excludes scale error: set ") for line in lines)
 
+    @pytest.mark.heavy
     def test_the_answer_takes_a_dozen_lines_v_adds_its_budget_and_vv_every_check(
         self, payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
     ) -> None:
@@ -224,6 +226,7 @@ class TestRun:
         said = payscope("run", log, "-m", machine_file, "-o", output, "--timing")
         assert len(re.findall(r"^\w+ +[0-9.]+ s$", said.err, re.M)) == len(STEPS)
 
+    @pytest.mark.heavy
     def test_a_failed_verdict_withholds_the_mass_lists_the_checks_and_exits_1(
         self, payscope: Payscope, machine_file: Path, tmp_path: Path
     ) -> None:

@@ -188,6 +188,7 @@ def bundle(made: Made, authority: Path, tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.mark.heavy
 def test_a_time_stamp_is_checked_offline_against_the_authority(
     made: Made, bundle: Path, authority: Path
 ) -> None:

@@ -52,6 +52,7 @@ def test_what_is_dumped_is_the_payload_and_the_sum_is_that_of_the_shift(
     assert summed(frames)["payload_kg"] == pytest.approx(sum(payloads))
 
 
+@pytest.mark.heavy
 @settings(max_examples=30)
 @given(st.lists(st.floats(500.0, 1100.0), min_size=2, max_size=30))
 def test_loads_that_are_alike_are_told_without_any_digging(payloads: list[float]) -> None:

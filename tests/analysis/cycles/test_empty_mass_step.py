@@ -19,6 +19,7 @@ def found_step(frames) -> EmptyMassStep | None:
 
 
 # twenty examples: each drives a shift
+@pytest.mark.heavy
 @settings(max_examples=20, deadline=None)
 @given(
     st.lists(st.floats(400.0, 1100.0), min_size=9, max_size=14),

@@ -86,6 +86,7 @@ def test_a_small_difference_is_of_no_unit():
     assert len(EmptyMassDifference(5200.0, 5000.0, 50.0, True, True, machine).possible_causes) == 1
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("times", mark_heavy_after(1, [1.5, 2.7, 3.6]))
 def test_a_mass_far_above_it_is_told_with_the_factor_and_its_candidates(times):
     log = scaled(times)
@@ -127,6 +128,7 @@ def test_an_empty_state_tells_of_a_factor_that_one_load_does_not():
     assert scaled(1.0, before_start=3).check("empty_mass").passed is True
 
 
+@pytest.mark.heavy
 def test_without_an_empty_mass_nothing_is_judged():
     (log,) = _logs(0)
     machine = load_machine("cat262c.toml", ['settings.trace.methods=["pooled"]'])
@@ -138,6 +140,7 @@ def test_without_an_empty_mass_nothing_is_judged():
     assert replayed.replayed.frames["findings"].is_empty()
 
 
+@pytest.mark.heavy
 def test_a_cause_that_makes_a_mass_worthless_withholds_it_too():
     log = scaled(1.0)
     judged = log.replayed.frames["verdict"]

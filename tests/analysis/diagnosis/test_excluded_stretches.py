@@ -229,6 +229,7 @@ class TestStands:
         sides = {"speed_left_m_s": self.drive(), "speed_right_m_s": self.drive() + 1.0}
         assert self.stands(**sides) == []
 
+    @pytest.mark.heavy
     def test_an_encoder_that_reads_zero_at_a_stand_withholds_nothing(self, tmp_path: Path) -> None:
         speed, acc = DRIVE["v"], DRIVE["a"]
         noise = np.random.default_rng(1).normal(0.0, 0.05, acc.size)

@@ -117,6 +117,7 @@ FAULTS = {
 CONSEQUENCE = {row.name: row.consequence for row in CHECKS}
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_check_finds_the_fault_that_it_is_about(name):
     log = FAULTS[name]()
@@ -145,6 +146,7 @@ def test_where_braking_counts_as_driving_the_remedy_is_to_exclude_it():
     assert remedy.startswith("settings.gate.exclude_braking = true, where brakes act")
 
 
+@pytest.mark.heavy
 def test_a_term_beyond_its_prior_is_named():
     transfer = {"machine": {"force_share": 0.5}, "defects": {"force_share_s2_m": 0.08}}
     log = weighed(merged(RICH, transfer))
@@ -154,6 +156,7 @@ def test_a_term_beyond_its_prior_is_named():
     assert check.remedy.endswith("is so large, widen settings.priors.load_transfer_s2_m")
 
 
+@pytest.mark.heavy
 def test_soft_ground_is_weighed_though_its_resistance_explains_most_of_the_force():
     soft = {"rolling": {"coefficient": 0.06}, "starts": {"throttle_least": 0.8}}
     log = weighed(merged(RUNS, soft))

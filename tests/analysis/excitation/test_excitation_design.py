@@ -202,6 +202,7 @@ def test_a_yard_rules_out_what_drives_beyond_it():
     assert choose_best_waveform_score(long.scores, 0.5) is None
 
 
+@pytest.mark.heavy
 def test_coulomb_friction_that_the_model_leaves_out_is_part_of_the_predicted_error():
     made = scenario(machine={"coulomb_N": 300.0})
     response_s = {"force": compute_settling_time_s(made, 0.0, "force")}

@@ -86,6 +86,7 @@ def test_a_sound_machine_that_its_brakes_hold_on_a_slope_has_no_friction(seed: i
     assert try_fault(None, 0.0, seed, odd=True).causes == []
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("seed", mark_slow_after(1, [3_300_001, 3_300_002]))
 def test_an_engine_that_is_off_at_a_stand_is_no_frozen_channel(seed: int) -> None:
     log = drawn_log(seed)
@@ -193,6 +194,7 @@ def test_loads_that_are_taken_one_after_another_are_no_drift() -> None:
     assert replayed.frames["findings"].is_empty()
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     ("late_s", "seed"), mark_slow_after(1, [(0.1, SIMULATED), (0.04, INDEPENDENT)])
 )

@@ -13,6 +13,7 @@ from benchmarks.weighed import DERIVED
 from tests.twins import mark_heavy_after
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(("ways", "has_one"), mark_heavy_after(1, [((), True), (DERIVED, False)]))
 def test_a_filter_of_the_accelerometer_is_named_where_one_is_measured(
     monkeypatch: pytest.MonkeyPatch, ways: Sequence[str], has_one: bool

@@ -62,6 +62,7 @@ def test_innovations_are_standard_normal_from_the_third_value_on() -> None:
         assert found[:, n].std() == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.heavy
 @given(st.lists(FINITE, min_size=25, max_size=60), FINITE, st.floats(0.01, 1e3))
 def test_a_chart_depends_on_neither_unit_nor_zero(
     values: list[float], offset: float, unit: float

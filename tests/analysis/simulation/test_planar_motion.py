@@ -73,6 +73,7 @@ def parameters(body):
     )
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("slope_deg", [0.0, 3.0])
 def test_every_moving_sample_is_the_regressor_times_the_true_parameters(slope_deg):
     motion = solved(*ALL, terrain={"slope_deg": slope_deg})

@@ -46,6 +46,7 @@ def test_the_truth_follows_the_load_from_start_to_start_until_it_changes():
 LOSING = {"spill_1_s": 0.01, "pour_cycles": 0.6, "pour_share": 0.25}
 
 
+@pytest.mark.heavy
 def test_in_a_shift_all_that_left_the_bucket_is_named_with_its_place():
     made = Scenario.model_validate({"shift": {"duration_h": 0.2, **LOSING}})
     assert made.shift is not None

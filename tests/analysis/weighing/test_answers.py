@@ -70,6 +70,7 @@ class TestTerms:
         assert_weighed(log)
         assert abs(log.off("const", 300.0)) < 3.0
 
+    @pytest.mark.heavy
     @pytest.mark.parametrize("delay_s", mark_heavy_after(1, [0.02, 0.05]))
     def test_a_force_that_is_late_is_in_the_lag(self, delay_s):
         log = weighed(merged(RICH, {"sensors": {"force_delay_s": delay_s}}))
@@ -109,6 +110,7 @@ class TestTerms:
         delay_s, std = wheels.delay_s
         assert abs(delay_s - 0.03) < 3.0 * std
 
+    @pytest.mark.heavy
     def test_hills_are_withheld_or_in_the_interval(self):
         log = situation("hills", rich=True)
         assert log.load["withheld"] or abs(log.error_u) <= 3.0
@@ -134,6 +136,7 @@ class TestTerms:
         assert log.load["manoeuvres"] == 3
         assert log.weighing.fit.motion.stretch_of_sample.max() + 1 > 2 * 3
 
+    @pytest.mark.heavy
     def test_a_clean_log_has_no_term_that_shows(self):
         log = clean(rich=True)
         assert_weighed(log)
@@ -210,6 +213,7 @@ class TestPriors:
         assert clean(rich=True).load["u_kg"] < clean().load["u_kg"] / 4
 
 
+@pytest.mark.heavy
 def test_the_same_log_has_the_same_answer():
     first, again = clean(rich=True), simulate_and_weigh(RICH)
     assert first.replayed.frames["loads"].equals(again.replayed.frames["loads"])

@@ -69,6 +69,7 @@ def test_what_is_harmless_is_weighed(name, machine):
     assert holds(load, true_kg)
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("seed", mark_heavy_after(1, DESIGNS))
 def test_a_machine_that_was_drawn_is_weighed(seed, machine):
     load, true_kg = weighed(Scenario.model_validate(draw_design(seed)), machine)

@@ -173,6 +173,7 @@ class TestRepeatability:
         assert loads["payload_u_kg"][1] < 20.0
         assert loads["scatter_known"].all()
 
+    @pytest.mark.heavy
     def test_where_it_is_not_known_that_is_said(self):
         load = loaded([0.0], 2).frames["loads"].row(0, named=True)
         assert not load["scatter_known"]

@@ -43,6 +43,7 @@ def the_load(log, verdict=WEIGHS, **known):
     return frame.row(0, named=True)
 
 
+@pytest.mark.heavy
 def test_of_a_gain_that_drifts_it_is_not_known_at_which_end_it_is_as_stated():
     drifting = weighed({**RICH, "defects": {"force_gain_drift": 0.05}})
     drift_kg = abs(drifting.terms["gain_drift"]["posterior"]) * drifting.load["mass_kg"]

@@ -97,6 +97,7 @@ def test_without_any_of_it_the_payload_is_little_wider_for_it():
     assert load["payload_u_kg"] < 7.5
 
 
+@pytest.mark.heavy
 def test_one_load_has_no_terms_that_differ_by_load():
     scenario = Scenario.model_validate(join_designs(LOADER, {"campaign": {"runs": 3}}))
     logs = list(simulate_campaign(scenario))

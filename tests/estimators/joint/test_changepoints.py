@@ -49,6 +49,7 @@ class TestPartitions:
         levels = [3600.0] * 3 + [3850.0] * 3 + [3600.0] * 3
         assert state_of(levels) == [0] * 3 + [1] * 3 + [2] * 3
 
+    @pytest.mark.heavy
     def test_records_that_differ_little_are_told_where_they_end_and_not_elsewhere(self):
         """Seven records of two manoeuvres, each three deviations of a difference above the last."""
         levels = np.repeat(3600.0 + 45.0 * np.arange(7), 2)
@@ -165,6 +166,7 @@ class TestPartitions:
         kind = [FILLED, HINTED] * 39 + [FILLED]
         assert 76 <= len(set(state_of(levels, effect=direction, kind=kind))) <= 80
 
+    @pytest.mark.heavy
     def test_loads_below_the_scatter_are_told_where_something_is_filled_and_emptied(self):
         levels, kind = (
             np.tile([3600.0, 3600.0, 3655.0, 3655.0], 10),

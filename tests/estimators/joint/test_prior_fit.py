@@ -168,6 +168,7 @@ class TestErrorsInVariables:
         noisy[:, 0] += noise
         return noisy, f + shared * noise, theta
 
+    @pytest.mark.heavy
     def test_noise_in_a_column_biases_least_squares_and_is_taken_off_here(self):
         plain, clean = [], []
         for seed in range(60):

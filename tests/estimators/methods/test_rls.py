@@ -14,6 +14,7 @@ def make(seed, n=300, noise=60.0, parameters=2):
     return A, A @ np.array([3614.0, 2891.0, 300.0])[:parameters] + noise * generator.normal(size=n)
 
 
+@pytest.mark.heavy
 @settings(deadline=None, max_examples=100)
 @given(st.integers(0, 2**32 - 1), st.floats(0.9, 1.0), st.integers(2, 3))
 def test_the_recursion_solves_the_discounted_batch_with_its_start_as_information(

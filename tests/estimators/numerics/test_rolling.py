@@ -44,6 +44,7 @@ def test_a_window_gives_the_same_bits_whichever_others_are_asked_for(data):
     np.testing.assert_array_equal(window_sums(x, window, index), every[index - window + 1])
 
 
+@pytest.mark.heavy
 def test_an_idle_stretch_after_large_values_keeps_all_digits():
     generator = np.random.default_rng(1)
     busy = generator.normal(0, 1e8, 5000)

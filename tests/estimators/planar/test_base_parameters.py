@@ -99,6 +99,7 @@ def test_an_uncertainty_that_no_residual_shows_is_added_to_what_follows_the_para
     np.testing.assert_array_equal(found.theta, before.theta)
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     # 30 trials tell a share of 0.95 to within 0.04 (one sigma)
     ("trials", "least"),

@@ -55,6 +55,7 @@ def names(path: Path) -> set[str]:
     return blueprint(path, ":names")
 
 
+@pytest.mark.heavy
 def test_what_differs_is_drawn_over_each_other_and_subtracted(drives, tmp_path: Path) -> None:
     a = drives(60.0)
     path = write_overlay_recording(

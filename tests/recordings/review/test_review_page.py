@@ -47,6 +47,7 @@ def page(cycles: int, text: str) -> str:
     )
 
 
+@pytest.mark.heavy
 def test_the_231_cycles_of_a_shift_are_less_than_200_kilobytes() -> None:
     assert len(page(231, "log").encode()) < 200_000
 

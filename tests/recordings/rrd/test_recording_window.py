@@ -36,6 +36,7 @@ def test_a_stretch_of_a_long_run_is_drawn_whole(recording: Path):
     assert not is_run_drawn_decimated(read_run_of_time_range(recording, None, 300.0))
 
 
+@pytest.mark.heavy
 def test_without_ends_it_is_the_recording(recording: Path):
     assert read_run_of_time_range(recording, None, None) == read_recording(recording)
 

@@ -46,6 +46,7 @@ def made(folder: Path) -> CalibrationOutcome:
     return calibrate_from_campaign(folder / "campaign.toml", folder / "evidence")
 
 
+@pytest.mark.heavy
 def test_evidence_has_what_its_logs_said_and_what_came_of_it(made: CalibrationOutcome) -> None:
     learnt = made.document.learnt
     assert learnt is not None

@@ -59,6 +59,7 @@ def test_run_again_query_report_compare_open(
     assert "loads" in payscope("show", rrd).out
 
 
+@pytest.mark.heavy
 @pytest.mark.usefixtures("serial", "kept_replays")
 def test_a_run_with_a_recording_that_has_no_result_leaves_with_1(
     payscope: Payscope, fleet_folder: Path, tmp_path: Path

@@ -65,6 +65,7 @@ def test_a_log_that_was_moved_or_touched_is_hashed_and_not_replayed_again(
     assert {n: each for n, each in tree(results).items() if n.startswith("results/")} == before
 
 
+@pytest.mark.heavy
 def test_a_log_that_is_there_twice_has_one_result(
     run_in: Run, fleet_folder: Path, tmp_path: Path
 ) -> None:
@@ -196,6 +197,7 @@ def test_a_node_with_other_software_replays_nothing(
     assert all("its node has polars" in why for why in did.failed.values())
 
 
+@pytest.mark.heavy
 def test_recordings_are_kept_on_request_also_of_results_that_are_there(
     results: Path, run_in: Run, fleet_folder: Path
 ) -> None:

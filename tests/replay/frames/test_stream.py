@@ -68,6 +68,7 @@ def test_a_column_that_is_not_there_is_named(log: Path) -> None:
         payscope.stream_log(log, "/joints", columns=["log_tim"])
 
 
+@pytest.mark.heavy
 def test_scanning_imports_nothing_of_recordings(log: Path) -> None:
     code = (
         f"import sys, payscope; payscope.scan_log({str(log)!r}, '/joints').collect()\n"

@@ -49,6 +49,7 @@ def test_what_was_decoded_is_what_the_logs_hold(driven: Any, tmp_path: Path) -> 
     assert told == [0, 1, 2]
 
 
+@pytest.mark.heavy
 def test_a_log_that_has_not_changed_is_not_decoded_again(driven: Any, tmp_path: Path) -> None:
     paths, machine_file, _ = driven
     machine, kept = load_machine(machine_file), tmp_path / "kept"

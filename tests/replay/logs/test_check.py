@@ -102,6 +102,7 @@ def test_a_chunk_that_the_index_leaves_out_is_found(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.heavy
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(at=st.integers(0, 10**6), bit=st.integers(0, 7))
 def test_a_flipped_bit_anywhere_in_a_file_with_crcs_is_found(

@@ -72,6 +72,7 @@ def test_what_a_csv_may_look_like_is_no_loss(tmp_path: Path, text: str) -> None:
     assert told(log) == []
 
 
+@pytest.mark.heavy
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(cut=st.integers(12, 400))
 def test_cut_anywhere_every_whole_row_is_read_and_a_torn_one_is_a_loss(

@@ -64,6 +64,7 @@ def test_a_message_that_cannot_be_unpacked_costs_itself(tmp_path: Path) -> None:
         assert any("1 messages cannot be decompressed" in loss.what for loss in log.losses())
 
 
+@pytest.mark.heavy
 def test_a_compressed_file_that_grows_beyond_measure_is_stopped(tmp_path: Path) -> None:
     folder = tmp_path / "shift"
     options = {"mode": CompressionMode.FILE, "fmt": CompressionFormat.ZSTD}

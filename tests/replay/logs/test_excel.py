@@ -80,6 +80,7 @@ def test_a_bomb_is_not_unpacked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         open_log(path)
 
 
+@pytest.mark.heavy
 def test_without_the_library_the_line_names_the_extra(tmp_path: Path) -> None:
     path = write(tmp_path / "run.xlsx")
     code = (

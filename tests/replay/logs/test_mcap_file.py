@@ -121,6 +121,7 @@ def test_a_damaged_chunk_costs_that_chunk_and_says_which_time(tmp_path: Path) ->
     assert [f"log time 0.{lost[0]:09} s" in loss.what for loss in log.losses()] == [True]
 
 
+@pytest.mark.heavy
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(at=st.integers(0, 10**6), bit=st.integers(0, 7))
 def test_a_flipped_bit_anywhere_is_never_a_traceback_nor_a_silent_loss(

@@ -124,6 +124,7 @@ def _deserialize(reader: AnyReader, msgtype: str, data: bytes) -> Any:
     return reader.deserialize(data, msgtype)
 
 
+@pytest.mark.heavy
 def test_every_field_of_every_topic_is_that_of_rosbags(log_path: Path) -> None:
     log = MessageLog(log_path, "log of messages", CONTAINERS[log_path.suffix])
     for topic, found in log._topics.items():

@@ -137,6 +137,7 @@ def messages(seed: int, count: int, most_bytes: int) -> list[Message]:
 
 
 # each of half a hundred writes a database of hundreds of pages
+@pytest.mark.heavy
 @settings(tmp_path_is_used_again, max_examples=50)
 @given(
     page_bytes=st.sampled_from(PAGE_BYTES),

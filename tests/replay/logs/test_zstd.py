@@ -54,6 +54,7 @@ def test_a_frame_that_breaks_off_costs_itself(
     assert unpacked([frame, torn, frame]) == ([(0, content), (2, content)], 1)
 
 
+@pytest.mark.heavy
 @settings(max_examples=8, deadline=None)  # hundreds of MB
 @given(st.integers(70 * MIB, 300 * MIB), st.booleans())
 def test_a_bomb_of_any_size_costs_itself_and_bounded_memory(size: int, declared: bool) -> None:

@@ -36,6 +36,7 @@ def test_a_moment_is_drawn_with_what_lies_around_it(
     join_to_one_line(payscope("plot", recording, "-o", target), "exists already")
 
 
+@pytest.mark.heavy
 def test_a_moment_beyond_all_time_or_beside_the_stretch_is_one_line(
     payscope: Payscope, recording: Path, tmp_path: Path
 ) -> None:

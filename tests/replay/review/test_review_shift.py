@@ -206,6 +206,7 @@ def test_the_review_of_another_shift_is_replaced_only_on_request(
     review_shift([renamed], machine, folder, ReviewOptions(replaces_other_shift=True))
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     "share", [pytest.param(0.5, id="within a chunk"), pytest.param(0.97, id="within the index")]
 )

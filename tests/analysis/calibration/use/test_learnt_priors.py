@@ -60,6 +60,7 @@ def test_what_differs_between_logs_beyond_chance_is_the_width():
     assert found.mean_u == pytest.approx(np.hypot(100.0, 20.0) / np.sqrt(60), rel=0.2)
 
 
+@pytest.mark.heavy
 def test_chance_makes_one_campaign_in_twenty_vary_not_one_in_three():
     dice = np.random.default_rng(8)
     own = {"const": 40.0, "direction": 40.0, "lag": 1e-3, "load_transfer": 0.02}

@@ -111,6 +111,7 @@ def test_nobody_drives_into_a_pile_at_the_speed_of_a_road() -> None:
     assert find_digging_starts(fast, MACHINE).is_empty()
 
 
+@pytest.mark.heavy
 @given(st.floats(3000.0, 6000.0))
 def test_a_move_of_a_second_digs_nowhere_however_its_force_grows(growth: float) -> None:
     frame = starts([3600.0] * 3, 400.0, 150.0, [growth] * 3, lasts_s=1.1)

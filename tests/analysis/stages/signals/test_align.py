@@ -79,6 +79,7 @@ def test_a_straight_line_comes_back_whatever_the_stamps(
         np.testing.assert_allclose(aligned[name].to_numpy()[kept], expected, rtol=0, atol=1e-9)
 
 
+@pytest.mark.heavy
 @given(seed=st.integers(0, 2**32 - 1), first=st.integers(0, 20), after=st.integers(1, 40))
 def test_samples_that_lie_on_the_grid_are_its_rows_bit_for_bit(
     channels_of, machine, seed, first, after
@@ -319,6 +320,7 @@ def test_no_row_inside_a_gap_of_any_channel_has_a_value(
                 assert not shown.is_between(opened, closed).any()
 
 
+@pytest.mark.heavy
 @given(
     st.tuples(*[st.sampled_from([1.0, 2.0, 5.0, 10.0])] * 3),
     st.sampled_from([20.0, 50.0, 100.0, 130.0]),

@@ -129,6 +129,7 @@ def test_batches_of_any_size_give_the_rows_in_their_order_and_a_tally() -> None:
     assert tally.first_fault.startswith("a list is longer than the rest of the message")
 
 
+@pytest.mark.heavy
 def test_describing_a_log_does_not_wait_for_the_compiler(own_data: Path) -> None:
     import subprocess
     import sys

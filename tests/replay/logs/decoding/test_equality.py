@@ -81,6 +81,7 @@ def test_plain_xcdr2_holds_the_same_values_as_cdr(encoding: str, types: Types, s
     assert same(columnar(sample, fields, encoding), rosbags(sample, fields, "cdr_le"))
 
 
+@pytest.mark.heavy
 @RANDOM_TYPES
 @given(types=types(), seed=st.integers(0, 2**32), data=st.data())
 def test_a_column_does_not_depend_on_what_else_is_asked_for(

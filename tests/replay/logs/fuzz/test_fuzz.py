@@ -94,6 +94,7 @@ def machine(tmp_path: Path, container: str) -> Path:
     return path
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("container", mark_heavy_after(1, SOURCES))
 def test_damage_costs_what_it_hit_and_is_said_in_lines(
     container: str,

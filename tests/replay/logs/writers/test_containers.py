@@ -72,6 +72,7 @@ def _message(store: Typestore, name: str, column: Any, row: int) -> Any:
     return store.types[name](**fields)
 
 
+@pytest.mark.heavy
 def test_a_bag_is_the_one_that_rosbags_writes(log: SimulatedLog, tmp_path: Path) -> None:
     store = get_typestore(Stores.ROS1_NOETIC)
     with BagWriter(tmp_path / "theirs.bag") as bag:
