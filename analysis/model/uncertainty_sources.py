@@ -121,6 +121,15 @@ def _compute_relative_mass_u_by_loaded_wheel_radius(machine: Machine) -> float |
     return None if u is None else u * (2.0 if by_wheels else 1.0)
 
 
+#: Change of the rolling radius with the load.
+WHEEL_RADIUS_BY_LOAD: Final = ScaleFactor(
+    "wheel_radius_by_load",
+    _is_wheel_radius_by_load_in_mass,
+    _compute_relative_mass_u_by_loaded_wheel_radius,
+    "machine.wheel_radius_by_load_u",
+    "change of the wheels' rolling radius with the load that presses their tyres",
+    by_load=True,
+)
 #: Factors of the force.
 SCALES: Final = (
     ScaleFactor(
@@ -154,14 +163,7 @@ SCALES: Final = (
         "machine.wheel_radius_u_m",
         "radius of the wheels",
     ),
-    ScaleFactor(
-        "wheel_radius_by_load",
-        _is_wheel_radius_by_load_in_mass,
-        _compute_relative_mass_u_by_loaded_wheel_radius,
-        "machine.wheel_radius_by_load_u",
-        "change of the wheels' rolling radius with the load that presses their tyres",
-        by_load=True,
-    ),
+    WHEEL_RADIUS_BY_LOAD,
 )
 #: A factor of the yaw torque alone.
 TRACK_WIDTH: Final = ScaleFactor(

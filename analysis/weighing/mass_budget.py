@@ -8,6 +8,7 @@ import numpy as np
 from analysis.model.machine import Machine
 from analysis.model.uncertainty_sources import (
     SCALES,
+    WHEEL_RADIUS_BY_LOAD,
     UncertaintySource,
     combine_u,
     compute_root_sum_of_squares,
@@ -195,8 +196,14 @@ def make_mass_budget(
         elif u_kg > 0.0:
             part = _PARTS[name]
             sources.append(UncertaintySource(name, part.kind, u_kg, part.meaning, part.reduced_by))
+    # a speed in m/s may have been computed with a fixed radius too, and a bench has no tyres
+    hauls_by_wheel_speed = (
+        fit.mass_count > 1
+        and machine.differentiates_wheel_speed
+        and not fit.motion.is_short_path_bench_log
+    )
     for scale in SCALES:
-        if scale.applies(machine):
+        if scale.applies(machine) or (hauls_by_wheel_speed and scale is WHEEL_RADIUS_BY_LOAD):
             relative, of_kg = scale.u(machine), loaded_kg if scale.by_load else sum_kg
             sources.append(
                 scale.make_uncertainty_source(None if relative is None else relative * of_kg)
