@@ -89,7 +89,11 @@ class FindingInputs:
         """Terms that the model lacks and that are significant enough to be reported."""
         weighing = self.check_inputs.weighing
         found = () if weighing is None else weighing.missing_terms
-        return tuple(each for each in found if abs(each.t) >= LIMITS.named_term_min_std)
+        return tuple(
+            each
+            for each in found
+            if each.is_gain_of_force and abs(each.t) >= LIMITS.named_term_min_std
+        )
 
     @cached_property
     def column_noise(self) -> ColumnNoiseModel | None:

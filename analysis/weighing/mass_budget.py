@@ -140,6 +140,12 @@ _PARTS: Final = {
         "or a nonlinear speed: this log shows one of them",
         "a force at the wheels from a sensor that is linear; starts at different throttles",
     ),
+    "unmodelled_force": _FitPart(
+        "common",
+        "a force that the model lacks and that differs between starts: uneven ground, curves, slip "
+        "or slack couplings",
+        "a pitch channel and a yaw rate; straight starts on even ground",
+    ),
     "warming": _FitPart(
         "common",
         "Coulomb friction or rolling resistance that changes after the start, as when a machine "
@@ -283,7 +289,7 @@ def list_uncertainty_by_failed_checks_kg(
     # only the largest counts: one fault makes several of these terms significant
     missing_kg = [
         (
-            each.term.source or "missing_term",
+            (each.term.source or "missing_term") if each.is_gain_of_force else "unmodelled_force",
             abs(float(coefficients @ each.effect_kg)),
         )
         for each in weighing.missing_terms

@@ -9,7 +9,7 @@ does not show which of the terms is the true one.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -60,6 +60,10 @@ WARMING: Final = Nuisance(
 )
 
 
+#: Name of the term in the square of the force.
+SATURATION: Final = "force_saturation"
+
+
 @dataclass(frozen=True, slots=True)
 class ForceCurvature:
     """Estimate of an additional term in a·|a|.
@@ -91,12 +95,20 @@ class MissingTerm:
         value: its estimate, in the term's unit.
         t: estimate over its standard deviation.
         effect_kg: (masses,) change of each mass with the term.
+        instrumented_ratio: estimate by the fitted force over that by the measured one; 1 for a term
+            that is not a gain of the force.
     """
 
     term: Nuisance
     value: float
     t: float
     effect_kg: Floats
+    instrumented_ratio: float = 1.0
+
+    @property
+    def is_gain_of_force(self) -> bool:
+        """Whether the fitted force shows the term too, so that it is no force of another kind."""
+        return self.instrumented_ratio > LIMITS.min_instrumented_ratio
 
     def is_significant(self, fit: JointFit) -> bool:
         """Whether the term is significant, and the log determines its effect on the mass."""
@@ -126,7 +138,7 @@ def list_scaled_terms_absent_from_model(fit: JointFit) -> tuple[Nuisance, ...]:
         *elastic,
         WARMING,
         Nuisance(
-            "force_saturation",
+            SATURATION,
             "1",
             lambda m: m.force * np.abs(m.force) / force_N,
             lambda _, __: LIMITS.missing_term_prior_std,
@@ -262,11 +274,64 @@ def find_missing_terms(
         )
         if lacking.is_significant(fit):
             found.append(lacking)
+    if any(_is_function_of_force(each.term) for each in found):
+        base = refit_with_extra_terms(fit, noise, priors, fit_rows=fit_rows)
+        found = [
+            replace(each, instrumented_ratio=_compute_instrumented_ratio(each, base, fit_rows))
+            for each in found
+        ]
     return tuple(
         sorted(
             found, key=lambda each: -_find_largest_mass_change_over_uncertainty(each.effect_kg, fit)
         )
     )
+
+
+def _is_function_of_force(term: Nuisance) -> bool:
+    """Whether a term lacking in the model is a function of the measured force."""
+    return term not in (ELASTICITY, WARMING)
+
+
+def _compute_instrumented_ratio(missing_term: MissingTerm, base: JointFit, rows: FitRows) -> float:
+    """Estimate of a gain of the force with the fitted force as instrument, over the term's value.
+
+    A force that the model lacks is in the measured force and in the residual, so that a function of
+    the measured force explains it whatever it is. The fitted force is without it (instrumental
+    variables; Ramsey 1969 tests a specification by powers of the fitted values).
+
+    Args:
+        missing_term: the term.
+        base: fit of the same rows without the term.
+        rows: rows of the fit and the term.
+    """
+    if not _is_function_of_force(missing_term.term) or not missing_term.value:
+        return 1.0
+    used = base.solution.group >= 0
+    group, residual, measured = (
+        each[used] for each in (base.solution.group, base.solution.residual, rows.f)
+    )
+    level = np.zeros(group.size, np.int64)
+    if base.states is not None and base.mass_count > 1:
+        level = base.states.assign_random_intercepts_to_stretches(base.motion).membership[group]
+    A = rows.select_terms((*base.terms, missing_term.term)).A[used]
+    shared = [A[:, 1]] + [
+        A[:, 2 + number]
+        for number, term in enumerate(base.terms)
+        if term.name in ("const", "direction")
+    ]
+    known = np.column_stack((A[:, :1] * (level[:, None] == np.arange(base.mass_count)), *shared))
+    known /= np.maximum(np.linalg.norm(known, axis=0), 1e-300)
+    ratio = np.divide(measured - residual, measured, np.zeros(group.size), where=measured != 0.0)
+    power = 2 if missing_term.term.name == SATURATION else 1
+    ratio = ratio.clip(0.0, LIMITS.max_fitted_over_measured_force) ** power
+    instrument, column = (
+        each - known @ np.linalg.lstsq(known, each, rcond=None)[0]
+        for each in (A[:, -1] * ratio, A[:, -1])
+    )
+    determined = float(instrument @ column)
+    if not determined:
+        return 1.0
+    return float(instrument @ residual) / determined / missing_term.value
 
 
 def _find_largest_mass_change_over_uncertainty(mass_changes_kg: Floats, fit: JointFit) -> float:

@@ -109,9 +109,8 @@ class WeighingLimits:
     slow_grid_mean_length_fraction: float = 0.002
     #: Error that no mean shows there, as a share of the mass per second of step: 0.3 % of a bus.
     slow_grid_hidden_1_s: float = 0.003
-    #: Misfit ratio of a fit of several loads above which its mean is too short: a body that swings
-    #: for half a second after a change of the force had 2.1 to 4, and by means of 0.02 to 0.1 s
-    #: payloads 10 to 15 % low; without a swing it is 0.4 to 1.5.
+    #: Misfit ratio of a fit of several loads above which its mean is too short: a swinging body had
+    #: 2.1 to 4, with payloads 10 to 15 % low by means of 0.02 to 0.1 s; without it 0.4 to 1.5.
     max_misfit_ratio: float = 2.0
     #: Mean, in s, that is tried then, however short the starts.
     transient_mean_s: float = 0.8
@@ -123,8 +122,7 @@ class WeighingLimits:
     probe_delay_s: float = 0.005
     #: Gain of the motion with which its effect on the masses is measured.
     probe_gain_1: float = 0.01
-    #: Lengths of the mean that are tried, in s: that with the smallest deviation of the mass is
-    #: taken.
+    #: Lengths of the mean that are tried, in s; the smallest deviation of the mass decides.
     means_s: tuple[float, ...] = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
     #: Stretches that show which mean is best.
     pilot_stretches: int = 24
@@ -134,8 +132,7 @@ class WeighingLimits:
     missing_term_prior_std: float = 0.1
     #: Prior of an elasticity, in s²: a mass that swings at 5 Hz.
     elasticity_prior_std_s2: float = 1e-3
-    #: Standard deviations from which it is one: what sampling, filters and slip leave in the second
-    #: derivative of the force reached 7, belts had 17 to 130.
+    #: Standard deviations from which it is one: sampling, filters and slip reached 7, belts 17-130.
     elasticity_min_std: float = 10.0
     #: Part of the log in which the friction of a cold machine falls by a factor of e.
     warming_fraction: float = 0.15
@@ -147,6 +144,10 @@ class WeighingLimits:
     certain_term_min_std: float = 6.0
     #: and it moves a mass by so many of its standard uncertainties.
     missing_term_min_relative_effect: float = 0.5
+    #: Estimate of a gain by fitted over measured force (ten cars 0.7 to 1.2, grades -0.9 to 0.3),
+    min_instrumented_ratio: float = 0.5
+    #: and the largest ratio of these forces.
+    max_fitted_over_measured_force: float = 3.0
     #: Widths of a gain at low speed, and steps of a gain, as fractions of the largest speed.
     low_speed_fractions: tuple[float, ...] = (0.2, 0.35, 0.7)
     gain_step_fractions: tuple[float, ...] = (0.3, 0.5, 0.7)
@@ -391,8 +392,7 @@ class WeighingLimits:
     fuel_density_u: float = 0.01
 
     # joint_result
-    #: Masses in a sum from which the whole covariance is multiplied: picking theirs out takes
-    #: longer.
+    #: Masses in a sum from which the whole covariance is multiplied, which is then faster.
     covariance_masses: int = 256
 
 
