@@ -64,7 +64,7 @@ class _ColdLoopRule:
 
 
 @contextmanager
-def force_compilation() -> Generator[None]:
+def compile_even_short_loops() -> Generator[None]:
     """Context in which every called loop is compiled, even for little work."""
     before = _InterpreterBudget.seconds, _ColdLoopRule.allowed
     _InterpreterBudget.seconds, _ColdLoopRule.allowed = 0.0, False

@@ -66,8 +66,8 @@ class RawSignals:
     @cached_property
     def _repeated_readings_by_channel(self) -> dict[str, list[RepeatedReading]]:
         """Stretches in which a force or motion channel repeats itself while another changes."""
-        told = (*self.force_channels, *_MOTION, *_BESIDE)
-        looked = {name: series for name, series in self.channels.items() if name in told}
+        names = (*self.force_channels, *_MOTION, *_BESIDE)
+        looked = {name: series for name, series in self.channels.items() if name in names}
         return {
             name: find_repeated_readings(name, looked, self.force_channels)
             for name in looked

@@ -83,12 +83,12 @@ def compare_force_change_with_load_changes(inputs: FindingInputs) -> ForceShareC
         ProjectedEquation.project_out(one, ()),
         ProjectedEquation.project_out(one, ("driveline",)),
     )
-    square = before.compute_remaining_information_about_cause("driveline")
+    square = before.get_information_left_about_cause("driveline")
     if not square > 0.0:
         return None
     variance = min(by_loads.variance, after.variance)
     of_several = after.square_left * after.variance - by_loads.square_left * by_loads.variance
-    value = before.compute_remaining_likelihood_score_of_cause("driveline") / square
+    value = before.get_likelihood_score_left_of_cause("driveline") / square
     gain = value**2 * square * before.variance / variance
     std = (variance / (square * before.variance)) ** 0.5
     return ForceShareChange(value, std, gain, of_several / variance, fit.mass_count)

@@ -45,7 +45,7 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
     squat = ", or the body pitches as it accelerates (channels.pitch_rad)" if may_squat else ""
     keys, scales = inputs.propose_scale_settings(inputs.speed_channels, 1.0 / (1.0 + gain))
 
-    def rescale(motion: MotionSamples) -> MotionSamples:
+    def correct_wheel_radius_of_motion(motion: MotionSamples) -> MotionSamples:
         force = motion.force * (1.0 + gain) if torques else motion.force
         return replace(motion, force=force, speed=motion.speed / (1.0 + gain))
 
@@ -60,7 +60,9 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
             channel=next(iter(inputs.speed_channels), None),
             setting=", ".join([*setting, *([keys] if keys else [])]) or None,
             value=", ".join([*value, *([scales] if keys else [])]) or None,
-            change=lambda: compute_mass_change_by_refit(inputs, rescale, min(std / abs(gain), 1.0)),
+            change=lambda: compute_mass_change_by_refit(
+                inputs, correct_wheel_radius_of_motion, min(std / abs(gain), 1.0)
+            ),
             # an accelerometer that reads too much may rock on its mount
             alternatives=(
                 *list_indistinguishable_causes(fitted),

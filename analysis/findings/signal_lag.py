@@ -32,7 +32,7 @@ class _Deviations(NamedTuple):
         deviations = values - values.sum() / values.size
         return cls(deviations, math.sqrt(np.square(deviations).sum() / values.size))
 
-    def correlate(self, other: "_Deviations") -> float:
+    def compute_correlation_coefficient(self, other: "_Deviations") -> float:
         """Correlation coefficient, 0 where either is constant."""
         size = self.std * other.std
         return float(self.values @ other.values) / (self.values.size * size) if size else 0.0
@@ -81,7 +81,12 @@ def estimate_lag_and_std_s(delayed: Series, reference: Series) -> tuple[float, f
     for begin, end in pairwise(begins.tolist()):
         still = _Deviations.from_values(x[begin:end])
         seen = np.array(
-            [still.correlate(_Deviations.from_values(y[begin - k : end - k])) for k in shifts]
+            [
+                still.compute_correlation_coefficient(
+                    _Deviations.from_values(y[begin - k : end - k])
+                )
+                for k in shifts
+            ]
         )
         at = int(np.argmax(seen))
         if seen[at] > LIMITS.source_correlation and 0 < at < seen.size - 1:

@@ -72,12 +72,12 @@ def find_empty_mass_step(
         return None
     place = min(
         range(least, empty_kg.size - least + 1),
-        key=lambda k: float(np.abs(_subtract_medians(empty_kg, k)).sum()),
+        key=lambda k: float(np.abs(_subtract_median_of_each_side(empty_kg, k)).sum()),
     )
     before_kg, after_kg = float(np.median(empty_kg[:place])), float(np.median(empty_kg[place:]))
     change_kg = after_kg - before_kg
     scatter_kg = max(
-        STD_OF_MAD * float(np.median(np.abs(_subtract_medians(empty_kg, place)))),
+        STD_OF_MAD * float(np.median(np.abs(_subtract_median_of_each_side(empty_kg, place)))),
         float(np.median(1.0 / np.sqrt(total[light]))),
     )
     is_after = np.abs(empty_kg - after_kg) < np.abs(empty_kg - before_kg)
@@ -106,8 +106,8 @@ def find_empty_mass_step(
     )
 
 
-def _subtract_medians(empty_kg: Floats, place: int) -> Floats:
-    sides = empty_kg[:place], empty_kg[place:]
+def _subtract_median_of_each_side(empty_kg: Floats, step_index: int) -> Floats:
+    sides = empty_kg[:step_index], empty_kg[step_index:]
     return np.concatenate([side - np.median(side) for side in sides])
 
 

@@ -32,7 +32,7 @@ def sum_lag_products(
     Only samples i in one of every `block_interval` blocks count.
     """
     sums = np.zeros(-(-lags // _AT_ONCE) * _AT_ONCE)
-    pairs = np.zeros(lags)
+    pair_counts = np.zeros(lags)
     n = residual.size
     begin = 0
     while begin < n:
@@ -46,11 +46,13 @@ def sum_lag_products(
                     first, last = max(begin, block * _BLOCK), min(end, (block + 1) * _BLOCK)
                     _add_lag_products_of_run(residual[first:end], last - first, sums)
                     for j in range(min(lags, end - first)):
-                        pairs[j] += min(last, end - j) - first
+                        pair_counts[j] += min(last, end - j) - first
                     # a group may have gaps
-                    add_lag_products_across_gap(residual, group, first, last, end, sums, pairs)
+                    add_lag_products_across_gap(
+                        residual, group, first, last, end, sums, pair_counts
+                    )
         begin = end
-    return sums[:lags], pairs
+    return sums[:lags], pair_counts
 
 
 def _add_lag_products_of_run_vectorised(run: Floats, lag_count: int, sums: Floats) -> None:
@@ -91,16 +93,22 @@ def _add_lag_products_of_run(run: Floats, lag_count: int, sums: Floats) -> None:
 
 @compiled_unless_short_log
 def add_lag_products_across_gap(
-    residual: Floats, group: Ints, first: int, last: int, end: int, sums: Floats, pairs: Floats
+    residual: Floats,
+    group: Ints,
+    block_start: int,
+    block_end: int,
+    run_end: int,
+    sums: Floats,
+    pair_counts: Floats,
 ) -> None:
     """Add the pairs of a run's samples with samples of its group beyond a gap."""
-    lags = pairs.size
-    mine, reach = group[first], min(last - 1 + lags, group.size)
-    for other in range(end, reach):
+    lags = pair_counts.size
+    mine, reach = group[block_start], min(block_end - 1 + lags, group.size)
+    for other in range(run_end, reach):
         if group[other] == mine:
-            for i in range(max(first, other - lags + 1), last):
+            for i in range(max(block_start, other - lags + 1), block_end):
                 sums[other - i] += residual[i] * residual[other]
-                pairs[other - i] += 1.0
+                pair_counts[other - i] += 1.0
 
 
 def compute_autocovariance_loss(group: Ints, A: Floats | None) -> Floats:

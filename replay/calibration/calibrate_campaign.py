@@ -143,7 +143,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     *,
     key_file: Path | None = None,
     previous: Path | None = None,
-    recordings: bool = False,
+    keeps_recordings: bool = False,
     force: bool = False,
     timestamp_request_file: Path | None = None,
     dcc: DccOutput | None = None,
@@ -156,7 +156,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
         folder: bundle to write.
         key_file: private key; without it PAYSCOPE_SIGNING_KEY may hold one.
         previous: the machine's previous evidence.
-        recordings: whether to include each replay's recording in the bundle.
+        keeps_recordings: whether to include each replay's recording in the bundle.
         force: whether evidence in `folder` may be replaced.
         timestamp_request_file: file for the query to a time-stamp authority; None writes none.
         dcc: output of the digital calibration certificate; None writes none.
@@ -200,7 +200,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
             machine if learnt is None else copy_machine_with_learnt_priors(machine, learnt.terms)
         )
         replayed = replay_campaign_logs(
-            campaign, weighing, find_path_of_log, made if recordings else None, on_log
+            campaign, weighing, find_path_of_log, made if keeps_recordings else None, on_log
         )
         refuse_campaign.refuse_run_days_unlike_logs(campaign_file, campaign, replayed, machine)
         refuse_campaign.refuse_repeated_runs(campaign_file, campaign, replayed)

@@ -95,7 +95,7 @@ def command(
                 output,
                 key_file=key,
                 previous=previous,
-                recordings=recordings,
+                keeps_recordings=recordings,
                 force=force,
                 timestamp_request_file=timestamp_request,
                 dcc=None if dcc is None else DccOutput(dcc, dcc_key, dcc_certificate),

@@ -101,7 +101,7 @@ def run_command(
             _make_task_engine_factory(address, workers),
             shown.count_finished_log,
             shown.note_engine_slots,
-            recordings=recordings,
+            keeps_recordings=recordings,
         )
     if as_json:
         print_json(did.to_dict())

@@ -195,7 +195,7 @@ def command(
             settings = load_machine(machine, overrides or [])
             given = replace(given, spans=read_label_spans(logs, channels, settings))
         options = ReviewOptions(overrides or [], asked, target, full, decimal_comma, force)
-        with StageProgress(len(STAGES) + 3, timing=timing) as stages:
+        with StageProgress(len(STAGES) + 3, prints_stage_times=timing) as stages:
             made = review_shift(logs, machine, output, options, stages.begin_stage)
         if given:
             made = recount_review_with_verdicts(output, given)

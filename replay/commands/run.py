@@ -108,7 +108,7 @@ def command(
     asked = make_calibration_request(calibration, key, is_signature_required=require_signed)
 
     def replay_to(to: RecordingOutput) -> "Answer":
-        with StageProgress(len(STEPS), timing=timing) as stages:
+        with StageProgress(len(STEPS), prints_stage_times=timing) as stages:
             return replay_and_record_logs(
                 logs,
                 machine,

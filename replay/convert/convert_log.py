@@ -180,10 +180,11 @@ class RunningConversion:
     def convert_by_time_spans(
         self, working_folder: UnfinishedFolder, span_messages: int, on_span: Callable[[str], None]
     ) -> ConvertedSpans:
-        """Convert span by span, or in one pass if spans might give other rows.
+        """Convert span by span; in one pass if that would differ, or if the log has faults.
 
         Returns:
-            Parts of each span, and number of spans from an earlier conversion.
+            The converted parts of each span, and how many spans an earlier, interrupted conversion
+            had finished.
         """
         borders = self._choose_span_boundaries_ns(span_messages)
         plan = ConversionPlan(

@@ -219,7 +219,10 @@ def _make_reading_row(
 
 
 def subtract_mean_empty_reading(readings: pl.DataFrame) -> pl.DataFrame:
-    """Subtract the mean of a log's empty readings from its masses, which share its error."""
+    """Subtract each log's mean empty reading from its masses; its error is their common_u_kg.
+
+    Empty readings, and logs without one, are not used.
+    """
     parts: list[pl.DataFrame] = []
     for log in readings.partition_by("log", maintain_order=True):
         zero = log.filter((pl.col("load_id") == EMPTY) & pl.col("used"))

@@ -223,7 +223,9 @@ def fit_line_and_test_lack_of_fit(
     """
     test = compute_lack_of_fit_test(points, known_day_std_kg)
     lacking = test.separate and test.p_1 is not None and test.p_1 < LIMITS.lack_of_fit_probability
-    line = fit_line_and_variances(points, known_day_std_kg=known_day_std_kg, lack_of_fit=lacking)
+    line = fit_line_and_variances(
+        points, known_day_std_kg=known_day_std_kg, has_lack_of_fit=lacking
+    )
     if line.slope_1 == 0.0:
         raise DataError(
             "calibration: the estimates do not change with the reference masses; check the mass "

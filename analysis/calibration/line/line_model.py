@@ -222,20 +222,20 @@ def make_covariance_structure(
 
 
 def fit_line_and_variances(
-    points: Points, *, known_day_std_kg: float | None = None, lack_of_fit: bool = False
+    points: Points, *, known_day_std_kg: float | None = None, has_lack_of_fit: bool = False
 ) -> FittedLine:
     """Fit line and variances together.
 
     Args:
         points: means of runs.
         known_day_std_kg: known standard deviation between days, in kg of m̂; None if unknown.
-        lack_of_fit: whether each load has its own deviation from the line.
+        has_lack_of_fit: whether each load has its own deviation from the line.
     """
     names = choose_estimable_random_effects(
         points, 2, is_day_variance_known=known_day_std_kg is not None
     )
     scatter = make_covariance_structure(
-        points, (*names, LACK_OF_FIT) if lack_of_fit else names, known_day_std_kg
+        points, (*names, LACK_OF_FIT) if has_lack_of_fit else names, known_day_std_kg
     )
     by_squares = scatter.mean_square_covariances
     x, y, x_cov = points.x_kg, points.y_kg, points.x_cov_kg2

@@ -203,19 +203,21 @@ def split_driving_at_pauses_and_turns(
     return [part for part in parts if fewest <= part.size <= longest]
 
 
-def mark_slowing_before_driving(pushes: Bools, pushes_hard: Bools, is_driving: Bools) -> Bools:
+def mark_slowing_before_driving(
+    is_pushing: Bools, is_pushing_hard: Bools, is_driving: Bools
+) -> Bools:
     """Mark samples that slow down under a large force, or on the way to it or to driving, (n,).
 
     A machine that meets a pile at a held speed slows down before its force has risen.
 
     Args:
-        pushes: (n,) whether the machine slows down although its force drives.
-        pushes_hard: (n,) the same under a large force.
+        is_pushing: (n,) whether the machine slows down although its force drives.
+        is_pushing_hard: (n,) the same under a large force.
         is_driving: (n,) whether the machine drives.
     """
-    marked = pushes_hard.copy()
-    until = np.append(pushes_hard | is_driving, False)
-    for begin, end in zip(*find_flagged_runs(pushes), strict=True):
+    marked = is_pushing_hard.copy()
+    until = np.append(is_pushing_hard | is_driving, False)
+    for begin, end in zip(*find_flagged_runs(is_pushing), strict=True):
         last = begin + np.flatnonzero(until[begin : end + 2])
         marked[begin : last[-1] if last.size else begin] = True
     return marked

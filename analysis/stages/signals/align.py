@@ -366,9 +366,9 @@ def make_grid_without_long_gaps(
     step_ns: float,
     first_point_number: int = 0,
 ) -> Ints:
-    """Grid points (rows,) in ns from start to end, without the inside of long gaps.
+    """Grid points (rows,) in ns from start to end, without those inside long gaps.
 
-    Points are numbered from `start_ns`; the first one returned is `first_point_number`.
+    Points are numbered from `start_ns`; none before `first_point_number` is returned.
     """
     pieces: list[tuple[int, int]] = []
     gaps = find_long_gaps_ns(required_channels, LIMITS.longest_gap_s, start_ns, end_ns)

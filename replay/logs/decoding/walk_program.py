@@ -362,11 +362,11 @@ LengthField: TypeAlias = tuple[int, int, int, int]
 
 @compiled_inline
 def _read_length_field(
-    data: Bytes, begin: int, offset: int, size: int, encoding: Encoding, is_length_known: int
+    data: Bytes, begin: int, offset: int, size: int, encoding: Encoding, fixed_length: int
 ) -> LengthField:
     """Read the length of a string or list, unless the definition fixes it (then not negative)."""
-    if is_length_known >= 0:
-        return is_length_known, offset, offset, 0
+    if fixed_length >= 0:
+        return fixed_length, offset, offset, 0
     offset = (offset + encoding.length_alignment - 1) & -encoding.length_alignment
     if size - offset < 4:
         return 0, offset, offset, _ENDS
@@ -384,17 +384,17 @@ StringLocation: TypeAlias = tuple[int, int, int, int]
 
 @compiled_inline
 def _locate_string(
-    data: Bytes, begin: int, offset: int, size: int, length: int, cdr: bool
+    data: Bytes, message_start: int, offset: int, message_size: int, text_length: int, is_cdr: bool
 ) -> StringLocation:
     """Locate the text of a string without its terminator, and check that it is UTF-8."""
-    if length > size - offset:
-        return offset, length, offset, _LONG_TEXT
-    stop, count = offset + length, length
-    if cdr and length > 0:
+    if text_length > message_size - offset:
+        return offset, text_length, offset, _LONG_TEXT
+    stop, count = offset + text_length, text_length
+    if is_cdr and text_length > 0:
         count -= 1
-        if data[begin + offset + count] != 0:
+        if data[message_start + offset + count] != 0:
             return offset, count, stop, _NO_NUL
-    byte, last = begin + offset, begin + offset + count
+    byte, last = message_start + offset, message_start + offset + count
     while byte + 8 <= last and load64(data, byte) & _NOT_ASCII == 0:
         byte += 8
     while byte < last and data[byte] < 0x80:

@@ -172,18 +172,18 @@ def convert_local_times_to_utc(stamps: pl.Series, zone: str) -> pl.Series:
         return first.alias(stamps.name)
     known = stamps.is_not_null()
     is_second = np.zeros(stamps.len(), dtype=bool)
-    is_second[known.to_numpy()] = _mark_second_hours(
+    is_second[known.to_numpy()] = _mark_second_occurrence_of_repeated_hour(
         stamps.filter(known).to_numpy(), twice.filter(known).to_numpy()
     )
     return second.zip_with(pl.Series(is_second), first).alias(stamps.name)
 
 
-def _mark_second_hours(local_ns: Ints, twice: Bools) -> Bools:
+def _mark_second_occurrence_of_repeated_hour(local_ns: Ints, is_repeated: Bools) -> Bools:
     """Mark the rows of the second of two hours of one name, (rows,).
 
     Args:
         local_ns: (rows,) local times, none missing.
-        twice: (rows,) whether the time comes twice.
+        is_repeated: (rows,) whether the time comes twice.
 
     Raises:
         TimeError: the rows are not in order of time, so that their order shows nothing.
@@ -191,13 +191,13 @@ def _mark_second_hours(local_ns: Ints, twice: Bools) -> Bools:
     steps_ns = np.diff(local_ns)
     falls = steps_ns < -LIMITS.set_back_ns
     is_descending = 2 * np.count_nonzero((steps_ns < 0) & ~falls) > steps_ns.size
-    if is_descending or (falls & ~(twice[:-1] & twice[1:])).any():
+    if is_descending or (falls & ~(is_repeated[:-1] & is_repeated[1:])).any():
         raise TimeError(
             "its times occur twice in the hour when clocks are set back, and the rows are not in "
             "recorded order, which would tell the two hours apart; sort them"
         )
-    is_second = np.zeros(twice.size, dtype=bool)
-    for begin, end in zip(*find_flagged_runs(twice), strict=True):
+    is_second = np.zeros(is_repeated.size, dtype=bool)
+    for begin, end in zip(*find_flagged_runs(is_repeated), strict=True):
         fallen = np.flatnonzero(falls[begin:end])
         if fallen.size > 1:
             raise TimeError(
