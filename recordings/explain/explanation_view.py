@@ -182,7 +182,7 @@ def describe_mass_of_manoeuvre(manoeuvre_report: ManoeuvreReport) -> str:
 
 
 def plot_explanation(
-    run: Run, explanation: Explanation, path: Path, *, force: bool = False
+    run: Run, explanation: Explanation, path: Path, *, overwrites: bool = False
 ) -> Path:
     """Draw the picture of an explanation, and write it to a file.
 
@@ -190,12 +190,12 @@ def plot_explanation(
         run: explained run.
         explanation: the explanation.
         path: picture to write; the suffix sets the format.
-        force: whether to replace an existing file.
+        overwrites: whether to replace an existing file.
 
     Raises:
         OutputError: the picture cannot be written.
     """
-    return write_picture(draw_explanation(run, explanation), path, force=force)
+    return write_picture(draw_explanation(run, explanation), path, overwrites=overwrites)
 
 
 def draw_explanation(run: Run, explanation: Explanation) -> "Figure":

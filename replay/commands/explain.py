@@ -64,7 +64,7 @@ def command(
     if overrides and machine is None:
         raise typer.BadParameter("--set changes a machine file; give the file with -m")
     asked = ExplainRequest(
-        recording, machine, tuple(overrides or ()), at_s, picture, corrected_file, force=force
+        recording, machine, tuple(overrides or ()), at_s, picture, corrected_file, overwrites=force
     )
     with StageProgress(LIMITS.replay_stages) as stages:
         explained, corrected = explain_run_and_correct_machine(asked, stages.begin_stage)

@@ -131,14 +131,13 @@ def query_command(
 
     chosen = choose_output_format(output_format and output_format.value, output)
     if output is not None:
-        require_writable_output(output, force=force)
+        require_writable_output(output, overwrites=force)
     rows = query_fleet_tables(open_results_of_fleet(results), sql)
     if chosen == "table" and output is None:
         print_frame_as_table(rows)
         return
-    print_or_write_frame(
-        rows, chosen, output, force=force, render=lambda: format_frame_as_table(rows, rows.height)
-    )
+    render = partial(format_frame_as_table, rows, rows.height)
+    print_or_write_frame(rows, chosen, output, overwrites=force, render=render)
 
 
 @app.command(name="report")
@@ -161,7 +160,7 @@ def report_command(
         results,
         fleet_results.last_run.fleet,
         output,
-        force=force,
+        overwrites=force,
         friction_limit_N_s_m=friction_limit,
     )
     said = made.to_dict()
@@ -272,7 +271,7 @@ def open_command(
         if output is None:
             view_recording(recording, at_s=at_s)
             return
-        with stage_output_file(output, force=force) as written:
+        with stage_output_file(output, overwrites=force) as written:
             shutil.copyfile(recording, written)
     typer.echo(output)
 

@@ -76,11 +76,11 @@ class OverlayOutput:
 
     Attributes:
         path: recording to write; None writes none.
-        force: whether to replace an existing file.
+        overwrites: whether to replace an existing file.
     """
 
     path: Path | None = None
-    force: bool = False
+    overwrites: bool = False
 
 
 _NOWHERE: Final = OverlayOutput()
@@ -112,7 +112,7 @@ def compare_recordings(
     """
     if overlay.path is not None:
         refuse_input_as_output(overlay.path, [path_a, path_b])
-        require_writable_recording(overlay.path, force=overlay.force)
+        require_writable_recording(overlay.path, overwrites=overlay.overwrites)
     with open_recording(path_a) as first, open_recording(path_b) as second:
         mine, theirs = RecordedRun(first, calibration), RecordedRun(second, calibration)
         if not set(mine.stages) & set(theirs.stages):
@@ -150,7 +150,7 @@ def compare_recordings(
                 overlay.path,
                 format_comparison_markdown(found, path_a.name, path_b.name),
                 is_same_log=not allows_different_logs,
-                force=overlay.force,
+                overwrites=overlay.overwrites,
             )
         return found
 

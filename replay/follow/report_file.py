@@ -50,7 +50,9 @@ class ReportFile:
             log.
     """
 
-    def __init__(self, path: Path, logs: Sequence[Path], identity: str, *, force: bool) -> None:
+    def __init__(
+        self, path: Path, logs: Sequence[Path], identity: str, *, overwrites: bool
+    ) -> None:
         """Create a file, or continue one of the same log.
 
         Raises:
@@ -60,9 +62,9 @@ class ReportFile:
         reported: list[tuple[str, Message]] = []
         size = 0
         is_empty = path.is_file() and path.stat().st_size == 0
-        if path.is_file() and not force:
+        if path.is_file() and not overwrites:
             reported, size = read_complete_reports(path, identity)
-        require_writable_output(path, force=force or is_empty or size > 0)
+        require_writable_output(path, overwrites=overwrites or is_empty or size > 0)
         self.path = path
         self.until_unix_ns, self.replayed = 0, (0, False)
         self._stream = _ResumedStream(AppendOnlyFile(path, size))

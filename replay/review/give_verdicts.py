@@ -250,7 +250,7 @@ def recount_review_with_verdicts(folder: Path, verdicts: RequestedVerdicts) -> S
         )
         page = shift.make_review_page(state, [], track)
         names = [*OUTPUTS, *([VERDICTS] if added else [])]
-        with stage_output_files([folder / name for name in names], force=True) as stage:
+        with stage_output_files([folder / name for name in names], overwrites=True) as stage:
             write_review_files(page, stage)
             if added:
                 (stage / VERDICTS).write_text(text, encoding="utf-8")

@@ -163,7 +163,7 @@ def review_shift(
         targets = [folder / name for name in (RECORDING, *OUTPUTS)]
         if kept is not None:
             del targets[0]
-        with stage_output_files(targets, force=True) as stage:
+        with stage_output_files(targets, overwrites=True) as stage:
             if made.run is not None:
                 write_recording(
                     select_frames_for_recording(made.run, is_full_recording=options.full),
