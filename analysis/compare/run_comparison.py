@@ -248,8 +248,8 @@ def list_manoeuvre_changes(
 
 
 def _format_time_span_of_row(spanned_row: Mapping[str, Any], offset_ns: int) -> str:
-    begin, end = ((spanned_row[name] + offset_ns) / 1e9 for name in ("start_t_ns", "end_t_ns"))
-    return f"{begin:.2f} to {end:.2f} s"
+    start, end = ((spanned_row[name] + offset_ns) / 1e9 for name in ("start_t_ns", "end_t_ns"))
+    return f"{start:.2f} to {end:.2f} s"
 
 
 def select_differing_estimates(

@@ -179,8 +179,8 @@ def compute_times_of_matched_rows_s(
 def iter_column_batches(columns: Sequence[str], height: int) -> Iterator[Sequence[str]]:
     """Yield the columns in batches that are read together."""
     size = max(1, _VALUES // max(height, 1))
-    for begin in range(0, len(columns), size):
-        yield columns[begin : begin + size]
+    for start in range(0, len(columns), size):
+        yield columns[start : start + size]
 
 
 def compare_values_of_column(

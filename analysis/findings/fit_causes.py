@@ -388,13 +388,13 @@ def find_external_force(inputs: FindingInputs) -> list[Symptom]:
     growth, std = (digging[name].to_numpy() for name in ("growth_N", "growth_std_N"))
     excess = growth / std
     worst = int(np.argmax(excess))
-    begin, end = (int(digging[name][worst]) for name in ("start_t_ns", "end_t_ns"))
+    start, end = (int(digging[name][worst]) for name in ("start_t_ns", "end_t_ns"))
     return [
         Symptom(
             float(excess[worst]) / STAGE_LIMITS.pile_min_growth_std * np.sqrt(digging.height),
             f"in {format_count(digging.height, 'start')} a resistance grows, by up to "
             f"{growth[worst]:.0f} ± {std[worst]:.0f} N; these starts are excluded",
             channel=inputs.force_channel,
-            span_ns=(begin, end),
+            span_ns=(start, end),
         )
     ]

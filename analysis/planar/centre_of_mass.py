@@ -121,13 +121,13 @@ def iter_fit_rows_of_arcs_and_all_arcs(
     plane, settings = log.plane, log.machine.settings
     steady = plane.usable & (log.excitation["phase"] == "arc").fill_null(False).to_numpy()
     arc_id = np.where(steady, assign_manoeuvre_numbers_to_samples(log.excitation, settings), -1)
-    ids, begins, counts = np.unique(arc_id[steady], return_index=True, return_counts=True)
+    ids, starts, counts = np.unique(arc_id[steady], return_index=True, return_counts=True)
     lasting = counts >= settings.gate.window_samples
     if not lasting.any():
         return
     # an arc is one stretch of the log
     rows = np.flatnonzero(steady)
-    firsts, lasts = rows[begins[lasting]], rows[(begins + counts - 1)[lasting]]
+    firsts, lasts = rows[starts[lasting]], rows[(starts + counts - 1)[lasting]]
     known = Prior.make_zero_mean({}, 2)
     for stage, used in zip(_STAGES, (verdict.can_weigh, verdict.can_estimate_inertia), strict=True):
         if used:

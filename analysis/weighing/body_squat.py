@@ -181,14 +181,14 @@ def make_centred_stretches(
         route.compute_headings_from_dump(motion),
     )
     found: list[_Stretch] = []
-    for begin, end in find_stretch_spans(motion.stretch_of_sample).tolist():
-        means = (end - begin) // LIMITS.squat_mean_samples
+    for start, end in find_stretch_spans(motion.stretch_of_sample).tolist():
+        means = (end - start) // LIMITS.squat_mean_samples
         if means < LIMITS.squat_min_means:
             continue
-        part = slice(begin, begin + means * LIMITS.squat_mean_samples)
+        part = slice(start, start + means * LIMITS.squat_mean_samples)
         a = motion.specific_force[part]
         gained = (np.cumsum(a) - a / 2.0) / motion.rate_hz
-        load = float(relative[begin])
+        load = float(relative[start])
         columns = np.column_stack(
             # the wheel speed, not the integrated accelerometer: a squat does not scale the gravity
             # on a slope

@@ -61,7 +61,7 @@ def find_empty_mass_step(
         start_ns: (manoeuvres,) start of each manoeuvre.
         end_ns: (manoeuvres,) end of each manoeuvre.
     """
-    begins = np.flatnonzero(np.append(True, np.diff(state_of_manoeuvre) != 0))
+    starts = np.flatnonzero(np.append(True, np.diff(state_of_manoeuvre) != 0))
     visit = np.cumsum(np.append(0, np.diff(state_of_manoeuvre) != 0))
     weight = 1.0 / std_kg**2
     total = np.bincount(visit, weight)
@@ -91,7 +91,7 @@ def find_empty_mass_step(
         return None
     certain_before_and_after = (
         int(np.flatnonzero(visit == light[place - 1])[-1]),
-        int(begins[light[place]]),
+        int(starts[light[place]]),
     )
     tolerance_kg = LIMITS.empty_drift_min_std * np.hypot(scatter_kg, std_kg)
     first_manoeuvre_after = _find_first_manoeuvre_after_step(

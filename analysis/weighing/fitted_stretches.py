@@ -69,10 +69,10 @@ def mark_slow_parts_of_drives(speed: Floats, stop_count_of_sample: Ints) -> Bool
     first = paced[np.flatnonzero(np.diff(pace[paced], prepend=0))]
     slow = np.zeros(speed.size, np.bool_)
     drives_on = False
-    for begin, end in pairwise(first[1:]):
-        if pace[begin] < 0:
-            slow[begin : paced[np.searchsorted(paced, end) - 1] + 1] = True
-            drives_on |= stop_count_of_sample[begin - 1] == stop_count_of_sample[end]
+    for start, end in pairwise(first[1:]):
+        if pace[start] < 0:
+            slow[start : paced[np.searchsorted(paced, end) - 1] + 1] = True
+            drives_on |= stop_count_of_sample[start - 1] == stop_count_of_sample[end]
     return slow & drives_on
 
 
@@ -199,17 +199,17 @@ def extend_manoeuvres_to_break_away(
     """
     smooth = np.abs(average_three_speed_samples(speed)) > moving_threshold_m_s
     grown = manoeuvre_of_sample.copy()
-    for begin in np.flatnonzero(mark_stretch_starts(manoeuvre_of_sample)):
-        first = int(begin)
+    for start in np.flatnonzero(mark_stretch_starts(manoeuvre_of_sample)):
+        first = int(start)
         while (
             first > 0
-            and begin - first < max_extension_rows
+            and start - first < max_extension_rows
             and smooth[first - 1]
             and manoeuvre_of_sample[first - 1] < 0
         ):
             first -= 1
-        if first < begin:
-            grown[first:begin] = manoeuvre_of_sample[begin]
+        if first < start:
+            grown[first:start] = manoeuvre_of_sample[start]
             grown[first : first + skipped_rows] = -1
     return grown
 

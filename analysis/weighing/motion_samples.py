@@ -165,8 +165,8 @@ class MotionSamples:
         reach = math.ceil(LIMITS.piece_margin_s * self.rate_hz)
         found: list[MotionSamples] = []
         for stretches in np.split(np.arange(len(spans)), whole):
-            begin, end = int(spans[stretches[0], 0]), int(spans[stretches[-1], 1])
-            piece = self._select_samples(slice(max(begin - reach, 0), end + reach))
+            start, end = int(spans[stretches[0], 0]), int(spans[stretches[-1], 1])
+            piece = self._select_samples(slice(max(start - reach, 0), end + reach))
             stretch = piece.stretch_of_sample
             own = (stretch >= stretches[0]) & (stretch <= stretches[-1])
             found.append(replace(piece, stretch_of_sample=np.where(own, stretch, -1)))

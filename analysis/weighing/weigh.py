@@ -245,12 +245,12 @@ def _weigh_with_priors(
     stops = count_standstills_so_far(excitation)
     source = _MotionSource(aligned, excitation, gated, machine, columns, stops)
 
-    def fit_load_states(motion: MotionSamples, begin: JointFit | None = None) -> JointFit:
-        fitted = JointFitInputs.prepare_from_motion(motion, columns, priors, begin)
+    def fit_load_states(motion: MotionSamples, start: JointFit | None = None) -> JointFit:
+        fitted = JointFitInputs.prepare_from_motion(motion, columns, priors, start)
         states = (
             None
-            if begin is None or begin.states is None
-            else begin.states.reassign_to_manoeuvres_of_motion(motion)
+            if start is None or start.states is None
+            else start.states.reassign_to_manoeuvres_of_motion(motion)
         )
         return fit_with_searched_load_states(
             fit_jointly(fitted, states), fitted, machine.machine.repeatability_kg

@@ -34,16 +34,16 @@ def sum_lag_products(
     sums = np.zeros(-(-lags // _AT_ONCE) * _AT_ONCE)
     pair_counts = np.zeros(lags)
     n = residual.size
-    begin = 0
-    while begin < n:
-        end = begin + 1
-        while end < n and group[end] == group[begin]:
+    start = 0
+    while start < n:
+        end = start + 1
+        while end < n and group[end] == group[start]:
             end += 1
-        if group[begin] >= 0:
-            for block in range(begin // _BLOCK, (end - 1) // _BLOCK + 1):
+        if group[start] >= 0:
+            for block in range(start // _BLOCK, (end - 1) // _BLOCK + 1):
                 # by the golden ratio, blocks are spread evenly and without a period
                 if block * 40_503 % 65_536 * block_interval < 65_536:
-                    first, last = max(begin, block * _BLOCK), min(end, (block + 1) * _BLOCK)
+                    first, last = max(start, block * _BLOCK), min(end, (block + 1) * _BLOCK)
                     _add_lag_products_of_run(residual[first:end], last - first, sums)
                     for j in range(min(lags, end - first)):
                         pair_counts[j] += min(last, end - j) - first
@@ -51,7 +51,7 @@ def sum_lag_products(
                     add_lag_products_across_gap(
                         residual, group, first, last, end, sums, pair_counts
                     )
-        begin = end
+        start = end
     return sums[:lags], pair_counts
 
 

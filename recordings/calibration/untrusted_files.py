@@ -342,9 +342,9 @@ def describe_first_difference(expected_text: str, found_text: str) -> str:
         return ""
     pairs = enumerate(zip(expected_text, found_text, strict=False))
     at = next((k for k, (a, b) in pairs if a != b), min(len(expected_text), len(found_text)))
-    begin = max(0, at - LIMITS.context_characters)
+    start = max(0, at - LIMITS.context_characters)
     there, here = (
-        text[begin : at + LIMITS.difference_characters] or "nothing"
+        text[start : at + LIMITS.difference_characters] or "nothing"
         for text in (found_text, expected_text)
     )
     return f"reads '{there}' where report.html has '{here}'"

@@ -110,10 +110,10 @@ def make_scene_of_run(run: Run, parent_entity: str = "") -> Scene:
     """Make the scene of a run by the table of views, below a parent entity if given."""
     shown = make_display_frames(run)
     name = make_recording_name(run.provenance)
-    begin = (find_time_span_of_grid_ns(run) or (0, 0))[0]
+    start = (find_time_span_of_grid_ns(run) or (0, 0))[0]
     events = sorted(
         (
-            begin if each.start_s is None else round(each.start_s * 1e9),
+            start if each.start_s is None else round(each.start_s * 1e9),
             format_finding(each),
             each.severity != "tell",
         )

@@ -94,7 +94,7 @@ def command(
             rich_help_panel=_VERDICT,
         ),
     ] = None,
-    begin: Annotated[
+    start: Annotated[
         str,
         typer.Option(
             "--from",
@@ -172,7 +172,7 @@ def command(
         "stockpile": stockpile,
     }
     given = RequestedVerdicts(
-        reject or (), accept or (), cycle or (), note, labels, author, begin, end
+        reject or (), accept or (), cycle or (), note, labels, author, start, end
     )
     given.refuse_incomplete_verdicts()
     channels = [parse_label_channel(each) for each in label or ()]

@@ -131,8 +131,8 @@ class ProposalReplays:
         topics = self.log.topics().filter(
             pl.col("topic").is_in(list(list_channel_fields(self.load(self.text, ()))))
         )
-        begin, end = topics["start_ns"].min(), topics["end_ns"].max()
-        return (begin if isinstance(begin, int) else 0), (end if isinstance(end, int) else 0)
+        start, end = topics["start_ns"].min(), topics["end_ns"].max()
+        return (start if isinstance(start, int) else 0), (end if isinstance(end, int) else 0)
 
 
 @dataclass

@@ -263,8 +263,8 @@ def describe_progress_to_target_uncertainty(report: OnlineReport) -> str:
 
 def describe_load_state(load: LoadReport) -> str:
     """Describe a load state in a line: span, mass and payload with uncertainties, or why none."""
-    begin, end = map(format_utc_time_of_day, (load.start_unix_ns, load.end_unix_ns))
-    head = f"load {load.load_id}, {begin} to {end}, {format_count(load.manoeuvres, 'manoeuvre')}: "
+    start, end = map(format_utc_time_of_day, (load.start_unix_ns, load.end_unix_ns))
+    head = f"load {load.load_id}, {start} to {end}, {format_count(load.manoeuvres, 'manoeuvre')}: "
     if load.mass_kg is None:
         return f"{head}no mass, withheld by {load.withheld_by}"
     mass = f"{format_plus_minus(load.mass_kg, load.mass_u_kg)} kg"

@@ -158,7 +158,7 @@ def merge_rows_near_in_time_with_open_commands(
             f"the query has {', '.join(rows.columns)}"
         )
     by = [name for name in (SOURCE, _KEY) if name in rows.columns]
-    begin, end = ("from_s", "to_s") if time == AT_S else ("from", "to")
+    start, end = ("from_s", "to_s") if time == AT_S else ("from", "to")
     apart: Any = (
         join_within_s if time == AT_S else pl.duration(microseconds=round(join_within_s * 1e6))
     )
@@ -171,7 +171,7 @@ def merge_rows_near_in_time_with_open_commands(
         .with_columns(number.alias("moment"))
         .group_by(*by, "moment", maintain_order=True)
         .agg(
-            pl.col(time).first().alias(begin),
+            pl.col(time).first().alias(start),
             pl.col(time).last().alias(end),
             pl.len().alias("rows"),
         )

@@ -228,12 +228,12 @@ def _replay_opened_shift(
 
 def make_empty_mass_warning(run: Run, opened_logs: list[Log], machine: Machine) -> str:
     """Warn of logs that may be of two machines, or of a step of the empty mass; "" if neither."""
-    begins = compute_log_starts_ns(
+    starts = compute_log_starts_ns(
         opened_logs, list_channel_fields(machine), run.provenance.t0_unix_ns
     )
-    found = find_machine_change_by_empty_mass(run.frames["manoeuvres"], list(begins.values()))
+    found = find_machine_change_by_empty_mass(run.frames["manoeuvres"], list(starts.values()))
     if found is not None:
-        return found.make_warning_text(list(begins)[found.log].path.name)
+        return found.make_warning_text(list(starts)[found.log].path.name)
     step = find_empty_mass_step_of_manoeuvres(run.frames["manoeuvres"])
     return "" if step is None else step.text
 
@@ -337,8 +337,8 @@ def find_truncated_logs(
         wanted_fields: fields used by channels, by topic.
         provenance: provenance of the replay, with its losses and the origin of its times.
     """
-    begins = compute_log_starts_ns(logs, wanted_fields, provenance.t0_unix_ns)
-    ordered = list(begins)
+    starts = compute_log_starts_ns(logs, wanted_fields, provenance.t0_unix_ns)
+    ordered = list(starts)
     found: list[TruncatedLog] = []
     for number, log in enumerate(ordered, 1):
         losses = [
@@ -356,8 +356,8 @@ def find_truncated_logs(
                     name=log.path.name,
                     number=number,
                     logs=len(ordered),
-                    ends_s=(begins[log] + last - first) / NS_PER_S,
-                    next_s=begins[following[0]] / NS_PER_S if following else None,
+                    ends_s=(starts[log] + last - first) / NS_PER_S,
+                    next_s=starts[following[0]] / NS_PER_S if following else None,
                     losses=tuple(losses),
                 )
             )

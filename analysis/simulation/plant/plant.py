@@ -62,7 +62,7 @@ def compute_force_or_speed_command(
     time_s: float, stage: DriveStage, wave: Floats, wave_step_s: float
 ) -> float:
     """Commanded drive force in N or, for a pedal, the target speed in m/s."""
-    since_s = time_s - stage.begin_s
+    since_s = time_s - stage.start_s
     if wave.size:
         place = since_s / wave_step_s
         first = min(max(int(place), 0), wave.size - 2)
@@ -97,9 +97,9 @@ def _rotating_mass_kg(speed_m_s: float, machine: MachineAndGround) -> float:
 @compiled_inline
 def compute_total_mass_kg(time_s: float, stage: DriveStage) -> float:
     """Mass of machine and load in kg at a time in s, while material fills in or falls off."""
-    mass = stage.mass_kg + stage.fill_kg_s * (time_s - stage.begin_s)
+    mass = stage.mass_kg + stage.fill_kg_s * (time_s - stage.start_s)
     if stage.spill_1_s > 0.0:
-        mass += stage.load_kg * math.expm1(-stage.spill_1_s * (time_s - stage.begin_s))
+        mass += stage.load_kg * math.expm1(-stage.spill_1_s * (time_s - stage.start_s))
     return mass
 
 
@@ -292,7 +292,7 @@ def integrate_stage_until_end_or_standstill(  # noqa: PLR0913, PLR0915 - one loo
     """
     k = np.zeros((4, _OUT))
     made = np.zeros(STATES)
-    t = stage.begin_s
+    t = stage.start_s
     step = (end_s - t) / steps
     direction = float(np.sign(state[WHEEL]))
     one_way = stage.one_way if direction == 0.0 else 0.0
@@ -314,7 +314,7 @@ def integrate_stage_until_end_or_standstill(  # noqa: PLR0913, PLR0915 - one loo
         stands = 1.0 if direction == 0.0 and (one_way != 0.0 or stage.holds > 0.0) else 0.0
         _write_state_row(rows[kept], t, state, k[0], stands)
         kept += 1
-        dt = stage.begin_s + (number + 1) * step - t
+        dt = stage.start_s + (number + 1) * step - t
         integrate_runge_kutta_step(
             t, dt, state, direction, one_way, machine, stage, wave, wave_step_s, k, made
         )
@@ -352,7 +352,7 @@ def integrate_stage_until_end_or_standstill(  # noqa: PLR0913, PLR0915 - one loo
             direction = 0.0
         else:
             number += 1
-            t = stage.begin_s + number * step
+            t = stage.start_s + number * step
             state[:] = made
     _fill_state_rates(t, state, direction, one_way, machine, stage, wave, wave_step_s, k[0])
     stands = 1.0 if direction == 0.0 and (one_way != 0.0 or stage.holds > 0.0) else 0.0

@@ -217,9 +217,9 @@ def mark_slowing_before_driving(
     """
     marked = is_pushing_hard.copy()
     until = np.append(is_pushing_hard | is_driving, False)
-    for begin, end in zip(*find_flagged_runs(is_pushing), strict=True):
-        last = begin + np.flatnonzero(until[begin : end + 2])
-        marked[begin : last[-1] if last.size else begin] = True
+    for start, end in zip(*find_flagged_runs(is_pushing), strict=True):
+        last = start + np.flatnonzero(until[start : end + 2])
+        marked[start : last[-1] if last.size else start] = True
     return marked
 
 

@@ -227,10 +227,10 @@ def _select_standing_and_moving_samples(
         (a + after, b - before) for a, b in find_flagged_spans(standing) if b - before > a + after
     ]
     quiet = quiet[:: max(len(quiet) // LIMITS.max_standstills, 1)]
-    quiet = [trim_stretch_to_settled_rows(columns, begin, end) for begin, end in quiet]
+    quiet = [trim_stretch_to_settled_rows(columns, start, end) for start, end in quiet]
     still = np.zeros(standing.size, np.bool_)
-    for begin, end in quiet:
-        still[begin:end] = True
+    for start, end in quiet:
+        still[start:end] = True
     return NoiseSamples(
         x=columns,
         quiet=quiet,
@@ -319,10 +319,10 @@ def has_noise_at_standstill(samples: NoiseSamples, pieces: list[Floats], column:
     least = estimate_rounding_variance(samples, column)
     noisy = [float((part[:, column] ** 2).mean()) > least for part in pieces]
     many = [
-        np.unique(samples.x[begin : min(end, begin + LAGS), column]).size
+        np.unique(samples.x[start : min(end, start + LAGS), column]).size
         > LIMITS.constant_max_values
-        for begin, end in samples.quiet
-        if end > begin
+        for start, end in samples.quiet
+        if end > start
     ]
     return float(np.mean(noisy)) > 0.5 and float(np.mean(many)) > 0.5
 

@@ -63,7 +63,7 @@ class BatchPass:
         program: DecodeProgram,
         direct: DirectFields,
         data: Bytes,
-        begins: Ints,
+        starts: Ints,
         sizes: Ints,
         *,
         swap: bool,
@@ -74,16 +74,16 @@ class BatchPass:
             program: program for the messages' type and encoding.
             direct: fields gathered during the pass.
             data: (bytes,) bytes that contain the messages.
-            begins: (n,) start of each message, after its encapsulation.
+            starts: (n,) start of each message, after its encapsulation.
             sizes: (n,) bytes of each message, without its encapsulation.
             swap: whether numbers are big-endian.
         """
         # messages too small for the definition are not complete, and need no row
         rows = int(np.count_nonzero(sizes >= program.least_bytes))
         self._program, self._direct, self._swap = program, direct, swap
-        self._messages = EncodedMessages(data, begins, sizes)
+        self._messages = EncodedMessages(data, starts, sizes)
         self._gathered = allocate_gathered_rows(direct.gather_plan, rows)
-        self._outcome = WalkOutcome(np.empty(begins.size, np.int8), np.empty(begins.size, np.int64))
+        self._outcome = WalkOutcome(np.empty(starts.size, np.int8), np.empty(starts.size, np.int64))
         self._room = room = np.full(program.nodes, min(rows * _ELEMENTS, int(sizes.sum())))
         room[0] = rows
         self._notes = _allocate_walk_notes(program, room)

@@ -116,9 +116,9 @@ class McapFile(BlockFile):
 
     def _read_connections_or_scan(self) -> tuple[Connection, ...]:
         if self._file.read_bytes(0, len(MAGIC)) != MAGIC:
-            begin = self._file.read_bytes(0, KIND_BYTES)
+            start = self._file.read_bytes(0, KIND_BYTES)
             why = describe_file_of_other_format(
-                begin, "it does not start with the MCAP magic bytes"
+                start, "it does not start with the MCAP magic bytes"
             )
             raise LogError(f"{self._file.path}: not an MCAP file; {why}")
         summary = Summary(self._file)

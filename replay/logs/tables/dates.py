@@ -197,17 +197,17 @@ def _mark_second_occurrence_of_repeated_hour(local_ns: Ints, is_repeated: Bools)
             "recorded order, which would tell the two hours apart; sort them"
         )
     is_second = np.zeros(is_repeated.size, dtype=bool)
-    for begin, end in zip(*find_flagged_runs(is_repeated), strict=True):
-        fallen = np.flatnonzero(falls[begin:end])
+    for start, end in zip(*find_flagged_runs(is_repeated), strict=True):
+        fallen = np.flatnonzero(falls[start:end])
         if fallen.size > 1:
             raise TimeError(
                 "its times jump back twice or more in the hour when clocks are set back"
             )
         if fallen.size:
-            is_second[begin + int(fallen[0]) + 1 : end + 1] = True
+            is_second[start + int(fallen[0]) + 1 : end + 1] = True
         elif end < steps_ns.size and steps_ns[end] < LIMITS.set_back_ns:
-            before_ns = steps_ns[begin - 1] if begin else LIMITS.set_back_ns
-            is_second[begin : end + 1] = before_ns >= LIMITS.set_back_ns
+            before_ns = steps_ns[start - 1] if start else LIMITS.set_back_ns
+            is_second[start : end + 1] = before_ns >= LIMITS.set_back_ns
     return is_second
 
 
@@ -262,8 +262,8 @@ def count_days_since_1970(
         date_groups = decide_which_number_is_day(date_groups, is_day_first, notes)
     if "name" in date_groups.columns:
         date_groups = split_dates_with_short_years(date_groups, is_day_first)
-        begins = [pl.col("name").str.to_lowercase().str.starts_with(each) for each in _MONTH_OF]
-        months = zip(begins, _MONTH_OF.values(), strict=True)
+        starts = [pl.col("name").str.to_lowercase().str.starts_with(each) for each in _MONTH_OF]
+        months = zip(starts, _MONTH_OF.values(), strict=True)
         number = pl.coalesce(pl.when(fits).then(month) for fits, month in months)
         date_groups = date_groups.with_columns(number.cast(pl.String).alias("m"))
     years = date_groups.get_column("y").cast(pl.Int64, strict=False).drop_nulls()
