@@ -140,17 +140,17 @@ def _describe_logs_of_notary_list(document: EvidenceDocument) -> list[str]:
 def _describe_recording_machine(document: EvidenceDocument) -> Iterator[str]:
     """Yield sentences on whether this machine recorded the logs."""
     without = list_logs_without_machine_id(document.logs)
-    told = len(document.logs) - len(without)
+    naming_logs = len(document.logs) - len(without)
     if without:
         yield (
             f"Whether these logs were recorded by this machine: "
             f"{join_first_names(without, LIMITS.max_logs)}. They do not name "
             "theirs; their digests only show that they are the files that were replayed."
         )
-    if told:
+    if naming_logs:
         yield (
-            f"Whether {format_count(told, 'log')} whose metadata name this machine were recorded "
-            "by it: a log can be written with any name."
+            f"Whether {format_count(naming_logs, 'log')} whose metadata name this machine were "
+            "recorded by it: a log can be written with any name."
         )
 
 

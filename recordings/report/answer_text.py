@@ -58,10 +58,10 @@ def describe_loads_as_lines(answer: Answer, max_loads: int) -> list[str]:
     rows = zip(make_load_table_rows(answer)[:max_loads], answer.loads, strict=False)
     for (load, start, end, manoeuvres, mass, payload, *_, remark), row in rows:
         carried = payload if payload in ("empty", "–") else f"payload {payload} kg"
-        told = ", ".join(
+        masses = ", ".join(
             filter(None, (f"{mass} kg", carried, describe_calibrated_mass(row), remark))
         )
-        lines.append(f"load {load}: {start} to {end} s, {manoeuvres} manoeuvres, {told}")
+        lines.append(f"load {load}: {start} to {end} s, {manoeuvres} manoeuvres, {masses}")
     if len(answer.loads) > max_loads:
         lines.append(f"and {len(answer.loads) - max_loads} more")
     return lines
@@ -121,9 +121,9 @@ def describe_prior_sensitivity(load_row: Mapping[str, Any]) -> str:
 def _list_notes_on_load(load_row: Mapping[str, Any]) -> list[str]:
     """List the notes on a load that apply to every load of the log."""
     lines = [load_row[name] for name in ("said", "calibrated_said") if load_row.get(name)]
-    told = load_row.get("payload_to") is not None and not load_row.get("payload_scale_unknown")
+    is_scaled = load_row.get("payload_to") is not None and not load_row.get("payload_scale_unknown")
     if load_row["scale_unknown"]:
-        of = "masses; payloads are on the scale of the stated empty mass" if told else ""
+        of = "masses; payloads are on the scale of the stated empty mass" if is_scaled else ""
         lines.append(describe_missing_scale_uncertainties(load_row["scale_unknown"], of))
     if load_row["braking_left_out"]:
         lines.append("braking and driving disagree about the mass, and braking was left out")

@@ -69,10 +69,10 @@ def command(
     with StageProgress(LIMITS.replay_stages) as stages:
         explained, corrected = explain_run_and_correct_machine(asked, stages.begin_stage)
     if as_json:
-        told = (
+        corrected_machine_entry = (
             {} if corrected is None else {"mended": _convert_corrected_machine_to_dict(corrected)}
         )
-        print_json({**explained.to_dict(), **told})
+        print_json({**explained.to_dict(), **corrected_machine_entry})
     else:
         _print_explanation(explained, corrected, asked.picture)
     if corrected is not None and corrected.path is None:

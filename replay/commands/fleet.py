@@ -312,10 +312,10 @@ def _replay_fleet_with_other_settings(
     from replay.fleet.compare_results import RunCallbacks, replay_fleet_with_settings
 
     with FleetProgress() as shown:
-        told = RunCallbacks(
+        callbacks = RunCallbacks(
             shown.begin_progress_bar, shown.count_finished_log, shown.note_engine_slots
         )
-        other, did, gone = replay_fleet_with_settings(results, overrides, days, engine, told)
+        other, did, gone = replay_fleet_with_settings(results, overrides, days, engine, callbacks)
     if gone:
         typer.echo(f"{gone} logs are no longer at their old paths and were left out", err=True)
     for source, why in sorted(did.failed.items()):

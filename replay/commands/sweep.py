@@ -200,10 +200,10 @@ def _make_json_row(sweep_row: SweepRow) -> dict[str, Any]:
     """Make a row in the format of `run --json`, with the varied settings and the errors."""
     # without items that need hashes: logs that are replayed many times are not hashed
     left_out = ("losses", "notes", "recording", "fingerprint")
-    told = {
+    answer_entries = {
         name: value for name, value in sweep_row.answer.to_dict().items() if name not in left_out
     }
-    return {"over": _parse_swept_setting_values(sweep_row), **told, **sweep_row.errors}
+    return {"over": _parse_swept_setting_values(sweep_row), **answer_entries, **sweep_row.errors}
 
 
 def _make_frame_of_results(sweep_rows: Sequence[SweepRow]) -> pl.DataFrame:

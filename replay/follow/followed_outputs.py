@@ -111,7 +111,7 @@ class FollowedOutputs:
         self, following: FollowedLogState, online_rows: Sequence[FollowedRow]
     ) -> list[OnlineReport]:
         """Write rows, and return the reports that were not emitted before."""
-        told: list[OnlineReport] = []
+        new_reports: list[OnlineReport] = []
         waiting: list[FollowedRow] = []
         for row in online_rows:
             waiting.append(row)
@@ -124,10 +124,10 @@ class FollowedOutputs:
                 self._write_report_or_stop(
                     partial(ReportFile.append_new_reports, reports=row.reports)
                 )
-                told += [each for each in row.reports if each.unix_ns > self._until_ns]
+                new_reports += [each for each in row.reports if each.unix_ns > self._until_ns]
                 waiting = []
         self._record_rows(following, waiting, None)
-        return told
+        return new_reports
 
     def write_replay_report_if_new(self, report: ReplayReport, unix_ns: int) -> bool:
         """Write the report of a replay, made at `unix_ns` of the log; return whether it is new."""

@@ -68,7 +68,8 @@ class RecordedStage:
         """
         if self.name != "loads":
             raise RecordingError(
-                f"{self.recording}: a calibration applies to frame 'loads', not to '{self.name}'"
+                f"{self.recording}: a calibration applies to frame 'loads', not to '{self.name}'; "
+                "name loads"
             )
         from analysis.calibration.use.apply_calibration import LATER_LOG_FRAMES
         from replay.calibration.apply_evidence import calibrate_loads_of_recording

@@ -179,7 +179,7 @@ class RequestedVerdicts:
             ):
                 raise ReviewError(
                     f"no load is dumped from {self.begin or 'the beginning'} to "
-                    f"{self.end or 'the end'} of the shift"
+                    f"{self.end or 'the end'} of the shift; correct --from or --to"
                 )
             return [said]
         if not self.rejection_of_each_named_cycle:

@@ -152,9 +152,9 @@ def review_shift(
         made = kept or _replay_opened_shift(opened, machine, folder, (logs, machine_file), on_stage)
         cycles, against = made.cycles, ""
         if by is not None:
-            told = read_frames_for_calibration(made, folder)
-            against = describe_contradicted_learnt_priors(told["nuisances"])
-            shared_errors = SharedErrors.from_frames(told)
+            stored_frames = read_frames_for_calibration(made, folder)
+            against = describe_contradicted_learnt_priors(stored_frames["nuisances"])
+            shared_errors = SharedErrors.from_frames(stored_frames)
             cycles = cycles if against else calibrate_cycles(cycles, by.calibration, shared_errors)
         shift = ShiftCount.count_cycles_with_verdicts(
             cycles, made.shift, made.t0_unix_ns, verdicts, folder

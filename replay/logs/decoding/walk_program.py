@@ -168,12 +168,12 @@ def locate_fields_in_messages(
         _copy_filled_counts(filled, kept)
         at = step = depth = fault = note_count = 0
         while step < steps.shape[0]:
-            place, count, told, stop, at, fault = read_decode_step(
+            place, count, length_end, stop, at, fault = read_decode_step(
                 data, start, at, size, steps, step, encoding
             )
             if fault != 0:
                 break
-            check_count = _append_range_to_compare(checks, check_count, told, stop)
+            check_count = _append_range_to_compare(checks, check_count, length_end, stop)
             mark = steps[step, _MARK]
             if mark >= 0:
                 node = steps[step, _NODE]
@@ -340,20 +340,20 @@ def read_decode_step(
         if steps[step, _SIZE] > size - offset:
             return -1, -1, offset, offset, offset, _ENDS
         return offset, -1, offset, offset, offset + steps[step, _SIZE], 0
-    count, told, offset, fault = _read_length_field(
+    count, length_end, offset, fault = _read_length_field(
         data, start, offset, size, encoding, steps[step, _LENGTH]
     )
     if fault != 0:
-        return -1, -1, told, offset, offset, fault
+        return -1, -1, length_end, offset, offset, fault
     if op == _TEXT:
         place, count, end, fault = _locate_string(data, start, offset, size, count, encoding.cdr)
-        return place, count, told, end, end, fault
+        return place, count, length_end, end, end, fault
     if op == _STRIDED:
         place, end, fault = _locate_strided_elements(steps, step, offset, size, count)
-        return place, count, told, offset, end if fault == 0 else offset, fault
+        return place, count, length_end, offset, end if fault == 0 else offset, fault
     # each element has at least a byte; the first comparison prevents overflow of the product
     is_long = count > size - offset or count * steps[step, _SIZE] > size - offset
-    return -1, count, told, offset, offset, _LONG_LIST if is_long else 0
+    return -1, count, length_end, offset, offset, _LONG_LIST if is_long else 0
 
 
 #: Length, start and end of the bytes that state it, and fault.

@@ -137,8 +137,8 @@ class McapFile(BlockFile):
             said = walk.message_count if said is None else said
         found = self._store.message_count
         # the messages of damaged chunks, if all their numbers are known
-        told = self._store.damage.lost_message_count or 0
-        if said not in (None, found + told):
+        lost_messages = self._store.damage.lost_message_count or 0
+        if said not in (None, found + lost_messages):
             self._store.damage.add_damage_sentence(
                 f"its statistics count {said:,} messages, but {found:,} were found"
             )
