@@ -21,7 +21,7 @@ from analysis.calibration.line.line_model import (
     REFERENCES,
     REPEATABILITY,
     RUN,
-    Points,
+    RunMeans,
     make_covariance_structure,
 )
 from analysis.calibration.line.variance_components import (
@@ -256,7 +256,7 @@ def make_line_inversion_for_points(calibration: Calibration, points: list[Point]
     load = np.array([loads[point.load_id] for point in points], np.int64)
     design = np.column_stack([np.ones(load.size), reference_kg[load] - calibration.centre_kg])
     readings = np.array([point.readings for point in points], np.int64)
-    as_points = Points(
+    as_points = RunMeans(
         y_kg=design @ np.array([calibration.level_kg, calibration.c1_1]),
         readings=readings,
         load=load,

@@ -224,7 +224,7 @@ def mark_slowing_before_driving(
 
 
 def select_longest_part_without_stop(rows: Ints, is_standing: Bools) -> Ints:
-    """Of a stretch, the longest part without a stop: what a pile has stopped lurches when lifted.
+    """Select a stretch's longest part without a stop: after one in a pile, lifting lurches.
 
     A stretch whose parts are too short for a start stays whole.
 
