@@ -19,7 +19,7 @@ from scipy.stats import t as student_t
 
 from analysis.calibration.line.line_fit import fit_line_and_test_lack_of_fit
 from analysis.calibration.line.line_inversion import LineInversion
-from analysis.calibration.line.line_model import Points
+from analysis.calibration.line.line_model import RunMeans
 from analysis.calibration.line.point_errors import fit_error_slope_and_offset_kg
 from analysis.calibration.line.variance_components import WithinRunVariance
 from analysis.paper import printed_numbers
@@ -72,7 +72,7 @@ def covariance(plan: Plan) -> np.ndarray:
 class Drawn:
     """Points of a campaign, and a later run: its mass, what it says, of how many readings, ± u."""
 
-    points: Points
+    points: RunMeans
     day_known_kg: float | None
     mass_kg: float
     y_kg: float
@@ -101,7 +101,7 @@ def drawn(dice: np.random.Generator, plan: Plan) -> Drawn:
     mean_kg = c0 + c1 * x + np.append(day_kg[days], day_kg[-1]) + scatter
     mean_kg = mean_kg + dice.normal(0.0, own_kg / np.sqrt(readings))
     squares = float((own_kg[:-1] ** 2 * dice.chisquare(readings[:-1] - 1)).sum())
-    points = Points(
+    points = RunMeans(
         y_kg=mean_kg[:-1],
         readings=readings[:-1],
         load=loads,
@@ -199,8 +199,8 @@ class PaperRuns:
         reference_kg: (54,) what was believed to be on board.
     """
 
-    singles: Points
-    together: Points
+    singles: RunMeans
+    together: RunMeans
     line: tuple[float, float]
     y_kg: np.ndarray
     reference_kg: np.ndarray
@@ -229,15 +229,15 @@ def papers(dice: np.random.Generator) -> PaperRuns:
     squares = float(((by_load - by_load.mean(axis=1, keepdims=True)) ** 2).sum())
     day = np.zeros(load.size, np.int64)
     ones = np.ones(load.size, np.int64)
-    singles = Points(y_kg, ones, load, day, reference_kg, stated, WithinRunVariance(0.0, 0))
-    together = Points(
+    singles = RunMeans(y_kg, ones, load, day, reference_kg, stated, WithinRunVariance(0.0, 0))
+    together = RunMeans(
         by_load.mean(axis=1), np.full(loads, each), np.arange(loads), day[:loads],
         reference_kg, stated, WithinRunVariance(squares, loads * (each - 1)),
     )  # fmt: skip
     return PaperRuns(singles, together, (c0, c1), y_kg, reference_kg[load])
 
 
-def ours(points: Points, line: tuple[float, float]) -> tuple[float, float, float, float]:
+def ours(points: RunMeans, line: tuple[float, float]) -> tuple[float, float, float, float]:
     """Whether the intervals hold alpha and beta, and what they are over the truth."""
     fitted, _ = fit_line_and_test_lack_of_fit(points, None)
     inversion = LineInversion.from_line(fitted)

@@ -60,7 +60,7 @@ def demo_shift(seed: int) -> DemoShift:
     """Make the demo of a seed and compare its shift with the truth."""
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) / "demo"
-        made = run_demo(folder, seed=seed, force=False, on_stage=lambda _: None)
+        made = run_demo(folder, seed=seed, overwrites=False, on_stage=lambda _: None)
         verified = verify_bundle(
             folder / "evidence",
             log_folder=folder,

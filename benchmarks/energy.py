@@ -84,7 +84,7 @@ class TrueEnergy:
 
 def replay_shift(scenario: Scenario, machine: Machine, folder: Path) -> tuple[Run, Machine]:
     """Simulate a shift and replay its logs; with the machine as it was replayed."""
-    logs = simulate_scenario_to_logs(scenario, folder / "shift.mcap", force=True)
+    logs = simulate_scenario_to_logs(scenario, folder / "shift.mcap", overwrites=True)
     with ExitStack() as stack:
         made = run([stack.enter_context(open_log(path)) for path in logs], machine)
     return made, machine.model_copy(update={"settings": made.provenance.settings})

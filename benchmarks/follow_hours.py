@@ -21,7 +21,7 @@ from analysis.online.growing_log import copy_machine_with_causal_filters
 from analysis.simulation import Scenario
 from benchmarks.follow_live import NOISE
 from benchmarks.page import markdown
-from estimators.interpreted import force_compilation
+from estimators.interpreted import compile_even_short_loops
 from estimators.threads import limit_blas_to_one_thread
 from replay import load_machine, open_log
 from replay.follow.agreement import FollowedDigests
@@ -52,7 +52,7 @@ def resident_mb() -> float:
 @limit_blas_to_one_thread()
 def main(hours: float = 8.0, rate: float = 20.0) -> None:
     rows: list[list[str]] = []
-    with TemporaryDirectory() as name, force_compilation():
+    with TemporaryDirectory() as name, compile_even_short_loops():
         machine = load_machine("cat262c.toml", [*NOISE, f"settings.align.rate_hz={rate}"])
         window = round(machine.settings.gate.window_samples * rate / 100.0)
         changed = machine.settings.copy_with_changes({"gate.window_samples": window})

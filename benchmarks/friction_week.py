@@ -52,7 +52,7 @@ def review_week(folder: Path, hours: float, seed: int) -> tuple[list[Path], floa
                 f"sensors.seed={100 * seed + day}",
             ],
         )
-        logs = simulate_scenario_to_logs(scenario, folder / f"day{day}.mcap", force=True)
+        logs = simulate_scenario_to_logs(scenario, folder / f"day{day}.mcap", overwrites=True)
         made = review_shift(logs, _EXAMPLES / "yard.toml", folder / f"review{day}", ReviewOptions())
         value, std = made.state.friction
         print(f"day {day}: true {base * rise:,.0f}, fit {value:,.0f} ± {2.0 * (std or 0.0):,.0f}")

@@ -270,7 +270,7 @@ def reviewed_shift(
         physics: likewise.
     """
     scenario, machine = drawn_shift(seed, hours, break_s, physics=physics)
-    logs = simulate_scenario_to_logs(scenario, folder / "shift.mcap", force=True)
+    logs = simulate_scenario_to_logs(scenario, folder / "shift.mcap", overwrites=True)
     truth = json.loads(make_shift_truth_path(folder / "shift.mcap").read_text(encoding="utf-8"))
     with ExitStack() as stack:
         made = run([stack.enter_context(open_log(path)) for path in logs], machine)

@@ -64,7 +64,7 @@ class _ColdLoopRule:
 
 
 @contextmanager
-def force_compilation() -> Generator[None]:
+def compile_even_short_loops() -> Generator[None]:
     """Context in which every called loop is compiled, even for little work."""
     before = _InterpreterBudget.seconds, _ColdLoopRule.allowed
     _InterpreterBudget.seconds, _ColdLoopRule.allowed = 0.0, False
@@ -134,21 +134,21 @@ class CompiledLoop:
             and not is_numba_imported()
             and self._turns(*arguments) <= MOST_TURNS
         ):
-            begin = thread_time()
+            start = thread_time()
             try:
                 return self._run_in_python(arguments)
             finally:
-                _InterpreterBudget.seconds -= thread_time() - begin
+                _InterpreterBudget.seconds -= thread_time() - start
         if (
             _ColdLoopRule.allowed
             and self._is_interpreting_allowed_while_uncached
             and self._turns(*arguments) <= self._most_cold
         ):
-            begin = thread_time()
+            start = thread_time()
             try:
                 return self._run_in_python(arguments)
             finally:
-                self._cold_seconds -= thread_time() - begin
+                self._cold_seconds -= thread_time() - start
         return self.compiled(*arguments)
 
     @property

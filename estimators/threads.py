@@ -59,7 +59,7 @@ def run_in_chunks(process_slice: Callable[[slice], None], rows: int) -> None:
 
     The loops release the interpreter's lock. NUMBA_NUM_THREADS limits the cores, as for numba.
     """
-    chunks = [slice(begin, min(begin + CHUNK, rows)) for begin in range(0, rows, CHUNK)]
+    chunks = [slice(start, min(start + CHUNK, rows)) for start in range(0, rows, CHUNK)]
     map_in_threads(process_slice, chunks, _WORTH_THREADS)
 
 

@@ -285,14 +285,14 @@ def _run_stages(
     stamps = topic_channels.stamp_label_by_topic
     seen = collect_raw_signals(raw_frames, stamps, read, machine)
     # nor does what repeats itself count, if the answer is the same without it
-    told = refit_without_failing_stretches(
+    refitted = refit_without_failing_stretches(
         seen,
         (add_column_of_digging_starts(aligned, digs), t0_unix_ns),
         gated,
         machine,
         lambda grid: weigh(grid, excitation, gated, noise, machine),
     )
-    weighing, gated = told.weighing, told.gated
+    weighing, gated = refitted.weighing, refitted.gated
     return_freed_memory_to_os()  # of a shift a gigabyte
     on_stage("segments")  # pooled over each manoeuvre
     table = estimate_each_manoeuvre_by_pooling(excitation, gated, settings, noise)
@@ -301,7 +301,7 @@ def _run_stages(
     on_stage("verdict")  # what the ungated log, and that fit, say of all this
     everything = summarise_masses(excitation, gated, estimates, machine, noise)
     evidence = CheckInputs(
-        excitation, gated, machine, weighing, seen, everything, t0_unix_ns, noise, told.named
+        excitation, gated, machine, weighing, seen, everything, t0_unix_ns, noise, refitted.named
     )
     judged = judge_log_by_checks(evidence)
     contradicted = [

@@ -102,37 +102,41 @@ def do_runs_read_same_bytes(a: Provenance, b: Provenance) -> bool:
 
 
 def compare_runs(
-    a: Replay, b: Replay, *, rtol: float = 0.0, rows_correspond: bool = True
+    a: Replay, b: Replay, *, relative_tolerance: float = 0.0, do_rows_correspond: bool = True
 ) -> Comparison:
     """Compare two replays.
 
     Args:
         a: baseline replay.
         b: replay to compare with it.
-        rtol: relative tolerance of numbers; 0 compares bit for bit.
-        rows_correspond: whether the rows of stages correspond; for different logs only results of
-            the whole log are compared.
+        relative_tolerance: relative tolerance of numbers; 0 compares bit for bit.
+        do_rows_correspond: whether the rows of stages correspond; for different logs only results
+            of the whole log are compared.
     """
     mine, theirs = a.provenance, b.provenance
     common = [name for name in a.stages if name in b.stages]
     compared = [
         name
         for name in common
-        if rows_correspond or find_frame_of_stage(name) in ("masses", "verdict")
+        if do_rows_correspond or find_frame_of_stage(name) in ("masses", "verdict")
     ]
-    offset_ns = theirs.t0_unix_ns - mine.t0_unix_ns if rows_correspond else 0
-    changes = [compare_frames_of_stage(a, b, name, rtol, offset_ns) for name in compared]
+    offset_ns = theirs.t0_unix_ns - mine.t0_unix_ns if do_rows_correspond else 0
+    changes = [
+        compare_frames_of_stage(a, b, name, relative_tolerance, offset_ns) for name in compared
+    ]
     return Comparison(
         settings=tuple(_iter_setting_changes(mine, theirs)),
         inputs=tuple(_iter_input_changes(mine, theirs)),
         versions=tuple(_iter_changed_values(mine.versions, theirs.versions)),
-        provenance=tuple(_iter_provenance_changes(mine, theirs)) if rows_correspond else (),
+        provenance=tuple(_iter_provenance_changes(mine, theirs)) if do_rows_correspond else (),
         only_a=tuple(name for name in a.stages if name not in b.stages),
         only_b=tuple(name for name in b.stages if name not in a.stages),
         stages=tuple(change for change in changes if change is not None),
         columns=sum(len({*a.stages[name], *b.stages[name]}) for name in compared),
-        estimates=list_estimate_changes(a, b, rtol),
-        manoeuvres=list_manoeuvre_changes(a, b, rtol, offset_ns) if rows_correspond else (),
+        estimates=list_estimate_changes(a, b, relative_tolerance),
+        manoeuvres=list_manoeuvre_changes(a, b, relative_tolerance, offset_ns)
+        if do_rows_correspond
+        else (),
         checks=tuple(iter_changed_checks(a, b)),
     )
 
@@ -203,7 +207,9 @@ def _read_stage_rows(replay: Replay, stage: str) -> list[dict[str, Any]]:
     return replay.read(stage, replay.stages[stage]).to_dicts() if stage in replay.stages else []
 
 
-def list_estimate_changes(a: Replay, b: Replay, rtol: float) -> tuple[EstimateChange, ...]:
+def list_estimate_changes(
+    a: Replay, b: Replay, relative_tolerance: float
+) -> tuple[EstimateChange, ...]:
     """Changes of the masses of the whole log, by method, and of the masses of its loads."""
     mine, theirs = (
         {row["method"]: row for row in _read_stage_rows(each, "masses")} for each in (a, b)
@@ -215,12 +221,12 @@ def list_estimate_changes(a: Replay, b: Replay, rtol: float) -> tuple[EstimateCh
             rows[name] = {**load, "mass_std_kg": load["u_kg"]}
     methods = dict.fromkeys((*mine, *theirs))
     return select_differing_estimates(
-        ((name, mine.get(name, {}), theirs.get(name, {})) for name in methods), rtol
+        ((name, mine.get(name, {}), theirs.get(name, {})) for name in methods), relative_tolerance
     )
 
 
 def list_manoeuvre_changes(
-    a: Replay, b: Replay, rtol: float, offset_ns: int
+    a: Replay, b: Replay, relative_tolerance: float, offset_ns: int
 ) -> tuple[EstimateChange, ...]:
     """Changes of the manoeuvres' masses; a manoeuvre of B is paired with A's at its middle."""
     mine, theirs = (_read_stage_rows(each, "segments") for each in (a, b))
@@ -238,38 +244,42 @@ def list_manoeuvre_changes(
         found.append((_format_time_span_of_row(row, 0), row, inside[0] if inside else {}))
         found += [(_format_time_span_of_row(other, offset_ns), {}, other) for other in inside[1:]]
     found += [(_format_time_span_of_row(other, offset_ns), {}, other) for other in left]
-    return select_differing_estimates(found, rtol)
+    return select_differing_estimates(found, relative_tolerance)
 
 
 def _format_time_span_of_row(spanned_row: Mapping[str, Any], offset_ns: int) -> str:
-    begin, end = ((spanned_row[name] + offset_ns) / 1e9 for name in ("start_t_ns", "end_t_ns"))
-    return f"{begin:.2f} to {end:.2f} s"
+    start, end = ((spanned_row[name] + offset_ns) / 1e9 for name in ("start_t_ns", "end_t_ns"))
+    return f"{start:.2f} to {end:.2f} s"
 
 
 def select_differing_estimates(
-    pairs: Iterable[tuple[str, Mapping[str, Any], Mapping[str, Any]]], rtol: float
+    pairs: Iterable[tuple[str, Mapping[str, Any], Mapping[str, Any]]], relative_tolerance: float
 ) -> tuple[EstimateChange, ...]:
     """Estimates that differ: those that only one run has first, then by size of the change."""
     changes = [
         EstimateChange(about, name, a.get(name), a.get(std), b.get(name), b.get(std))
         for about, a, b in pairs
         for name, std in _ESTIMATES.items()
-        if not is_equal_within_tolerance(a.get(name), b.get(name), rtol)
+        if not is_equal_within_tolerance(a.get(name), b.get(name), relative_tolerance)
     ]
 
-    def compute_size_of_change(each: EstimateChange) -> float:
-        if each.value_change is None:
+    def compute_size_of_change(estimate_change: EstimateChange) -> float:
+        if estimate_change.value_change is None:
             return float("inf")
-        return abs(each.value_change if each.change_in_stds is None else each.change_in_stds)
+        return abs(
+            estimate_change.value_change
+            if estimate_change.change_in_stds is None
+            else estimate_change.change_in_stds
+        )
 
     return tuple(sorted(changes, key=compute_size_of_change, reverse=True))
 
 
-def is_equal_within_tolerance(a: float | None, b: float | None, rtol: float) -> bool:
+def is_equal_within_tolerance(a: float | None, b: float | None, relative_tolerance: float) -> bool:
     """Whether two values agree within a relative tolerance, or are both missing."""
     if a is None or b is None:
         return a is b
-    return a == b or abs(a - b) <= rtol * max(abs(a), abs(b))
+    return a == b or abs(a - b) <= relative_tolerance * max(abs(a), abs(b))
 
 
 def iter_changed_checks(a: Replay, b: Replay) -> Iterator[ValueChange]:

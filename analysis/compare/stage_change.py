@@ -93,7 +93,7 @@ def find_frame_of_stage(stage: str) -> str:
 
 
 def compare_frames_of_stage(
-    a: Replay, b: Replay, stage: str, rtol: float, offset_ns: int
+    a: Replay, b: Replay, stage: str, relative_tolerance: float, offset_ns: int
 ) -> StageChange | None:
     """Compare a stage that both replays have.
 
@@ -101,7 +101,7 @@ def compare_frames_of_stage(
         a: baseline replay.
         b: replay to compare with it.
         stage: name of the stage.
-        rtol: relative tolerance of numbers; 0 compares bit for bit.
+        relative_tolerance: relative tolerance of numbers; 0 compares bit for bit.
         offset_ns: shift of B's times to A's.
 
     Returns:
@@ -132,7 +132,7 @@ def compare_frames_of_stage(
                 y = y + offset_ns
             if pairs is not None:
                 x, y = x.gather(pairs["row_a"]), y.gather(pairs["row_b"])
-            changes += compare_values_of_column(x, y, rtol, seconds)
+            changes += compare_values_of_column(x, y, relative_tolerance, seconds)
     common = height if pairs is None else pairs.height
     order = list(has[0]) != list(has[1]) and not faults
     if not (faults or changes or order or common != height or ids[1].height != common):
@@ -179,12 +179,15 @@ def compute_times_of_matched_rows_s(
 def iter_column_batches(columns: Sequence[str], height: int) -> Iterator[Sequence[str]]:
     """Yield the columns in batches that are read together."""
     size = max(1, _VALUES // max(height, 1))
-    for begin in range(0, len(columns), size):
-        yield columns[begin : begin + size]
+    for start in range(0, len(columns), size):
+        yield columns[start : start + size]
 
 
 def compare_values_of_column(
-    values_a: pl.Series, values_b: pl.Series, rtol: float, row_times_s: pl.Series | None
+    values_a: pl.Series,
+    values_b: pl.Series,
+    relative_tolerance: float,
+    row_times_s: pl.Series | None,
 ) -> Iterator[ColumnChange]:
     """Yield the change of a column, if there is one."""
     if values_a.dtype != values_b.dtype:
@@ -203,8 +206,8 @@ def compare_values_of_column(
         ).fill_nan(None)
         change = both["y"] - both["x"]
         size = change.abs() / both.select(pl.max_horizontal(pl.all().abs())).to_series()
-        if values_a.dtype.is_float() and rtol:
-            differs &= ~((size <= rtol) | (change == 0.0)).fill_null(value=False)
+        if values_a.dtype.is_float() and relative_tolerance:
+            differs &= ~((size <= relative_tolerance) | (change == 0.0)).fill_null(value=False)
             if not differs.any():
                 return
         change = pl.select(pl.when(differs).then(change)).to_series()

@@ -77,8 +77,8 @@ def judge_log_by_checks(inputs: CheckInputs) -> pl.DataFrame:
     )
     applies = pl.Series([row.applies(inputs, motion) for row, motion in judged], dtype=pl.Boolean)
     optional = pl.Series([row.optional for row, _ in judged], dtype=pl.Boolean)
-    told = frame["value"].is_finite().fill_null(value=False)
-    passed = pl.when(applies & (told | ~optional)).then(inside.fill_null(False))
+    is_known = frame["value"].is_finite().fill_null(value=False)
+    passed = pl.when(applies & (is_known | ~optional)).then(inside.fill_null(False))
     return build_frame("verdict", frame.with_columns(passed=passed).to_dict())
 
 

@@ -151,7 +151,7 @@ def mark_grid_rows_in_spans(
     """Grid rows that a stretch of any channel overlaps, (n,)."""
     reach_ns = int(LIMITS.smeared_periods / machine.settings.filter.cutoff_hz * 1e9)
     held = np.zeros(unix_ns.size, np.bool_)
-    for begin, end in (span for each in spans_by_channel.values() for span in each):
-        first, last = np.searchsorted(unix_ns, [begin - reach_ns, end + reach_ns])
+    for start, end in (span for each in spans_by_channel.values() for span in each):
+        first, last = np.searchsorted(unix_ns, [start - reach_ns, end + reach_ns])
         held[first:last] = True
     return held

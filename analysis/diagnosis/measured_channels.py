@@ -66,8 +66,8 @@ class RawSignals:
     @cached_property
     def _repeated_readings_by_channel(self) -> dict[str, list[RepeatedReading]]:
         """Stretches in which a force or motion channel repeats itself while another changes."""
-        told = (*self.force_channels, *_MOTION, *_BESIDE)
-        looked = {name: series for name, series in self.channels.items() if name in told}
+        names = (*self.force_channels, *_MOTION, *_BESIDE)
+        looked = {name: series for name, series in self.channels.items() if name in names}
         return {
             name: find_repeated_readings(name, looked, self.force_channels)
             for name in looked
@@ -138,7 +138,7 @@ class RawSignals:
     def longest_frozen_duration_s(self) -> float:
         """Total frozen duration in s of the channel that is frozen for longest."""
         spans = self.frozen_spans.values()
-        return max((sum(end - begin for begin, end in each) / 1e9 for each in spans), default=0.0)
+        return max((sum(end - start for start, end in each) / 1e9 for each in spans), default=0.0)
 
     @cached_property
     def clipped_fraction_and_limit_by_channel(self) -> dict[str, tuple[float, float]]:
@@ -226,9 +226,9 @@ def find_unexplained_repeats(unix_ns: Ints, readings: Floats) -> tuple[list[Repe
         and int((last - first)[~long].sum()) <= LIMITS.repeating_max_fraction * others
     )
     return [
-        RepeatedReading(int(unix_ns[begin]), int(unix_ns[end]), float(readings[begin]))
-        for begin, end in zip(first[long], last[long], strict=True)
-        if not does_signal_stay_within_resolution(readings, int(begin), int(end))
+        RepeatedReading(int(unix_ns[start]), int(unix_ns[end]), float(readings[start]))
+        for start, end in zip(first[long], last[long], strict=True)
+        if not does_signal_stay_within_resolution(readings, int(start), int(end))
     ], never
 
 
@@ -290,7 +290,7 @@ def find_zero_speed_spans(unix_ns: Ints, speed: Floats) -> Spans:
 def intersect_spans(spans_a: Spans, spans_b: Spans) -> Spans:
     """Intersection of two lists of spans in ns."""
     pairs = ((max(b, c), min(e, d)) for b, e in spans_a for c, d in spans_b)
-    return [(begin, end) for begin, end in pairs if begin < end]
+    return [(start, end) for start, end in pairs if start < end]
 
 
 def find_repeated_readings(

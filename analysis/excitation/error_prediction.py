@@ -81,7 +81,7 @@ class Filters:
     rate_hz: float
 
     @property
-    def filter_margin_samples(self) -> int:
+    def margin_samples_of_filters(self) -> int:
         """Total number of samples that the filters need before and after a window."""
         return self.samples + 1
 

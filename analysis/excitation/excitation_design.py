@@ -326,7 +326,7 @@ def score_waveform(
     period_s = manoeuvre.duration_s / 2.0
     noise, rate_hz = compute_sensor_noise_stds(scenario), scenario.sensors.rate_hz
     filters = Filters(_SMOOTH_SAMPLES, rate_hz)
-    samples = round(window_s * rate_hz) + filters.filter_margin_samples
+    samples = round(window_s * rate_hz) + filters.margin_samples_of_filters
     # the motion repeats from the second period on; a window may begin anywhere in it
     last_s = 2.0 * period_s + samples / rate_hz
     longer = manoeuvre.model_copy(update={"duration_s": last_s})

@@ -49,12 +49,13 @@ def find_determined_parameters(
 
     Args:
         excitation: frame with regressor, speed and direction.
-        chosen_samples: (n,) chosen samples.
-        noise: frame `noise` of the columns.
+        chosen_samples: (n,) whether each sample is used.
+        noise: frame `noise`; if None, the settings' noise is used.
         settings: settings with the moving mean and the noise.
 
     Returns:
-        The result; None if there are too few samples, or their noise is unknown.
+        The determined parameters and combinations; None if there are too few samples, or their
+        noise is unknown.
     """
     acceleration = get_column_values(excitation, "regressor_acc_x_m_s2")
     speed = get_column_values(excitation, "speed_x_m_s")

@@ -129,8 +129,8 @@ def make_explanation(run: Run, at_s: float | None = None) -> Explanation:
     gate = frames.get("gate", pl.DataFrame())
     stretches: tuple[GateStretch, ...] = ()
     if at_s is not None and gate.height:
-        begin, end = (round((at_s + way * LIMITS.around_s) * NS_PER_S) for way in (-1, 1))
-        stretches = list_stretches_of_gate_decisions(gate, settings, begin, end)
+        start, end = (round((at_s + way * LIMITS.around_s) * NS_PER_S) for way in (-1, 1))
+        stretches = list_stretches_of_gate_decisions(gate, settings, start, end)
     manoeuvre = None if at_s is None else report_manoeuvre_at_time(frames, at_s)
     return Explanation(
         answer=make_answer(run),

@@ -193,17 +193,19 @@ def compute_imu_spectra_after_starts_and_at_rest(
     ramp = np.linspace(-1.0, 1.0, size)
     window = np.hanning(size)
 
-    def compute_residual_spectrum_at(first: int) -> Floats | None:
-        part = slice(first, first + size)
+    def compute_residual_spectrum_at(start_row: int) -> Floats | None:
+        part = slice(start_row, start_row + size)
         known = np.column_stack([np.vander(ramp, 4), force[part], speed[part]])
         if not (np.isfinite(known).all() and np.isfinite(reads[part]).all()):
             return None
         rest = reads[part] - known @ np.linalg.lstsq(known, reads[part], rcond=None)[0]
         return np.abs(np.fft.rfft(rest * window)) ** 2
 
-    def average_spectra(places: list[int]) -> Floats | None:
+    def average_spectra(start_rows: list[int]) -> Floats | None:
         found = [
-            each for first in places if (each := compute_residual_spectrum_at(first)) is not None
+            each
+            for first in start_rows
+            if (each := compute_residual_spectrum_at(first)) is not None
         ]
         return np.mean(found, axis=0) if len(found) >= LIMITS.loose_min_starts else None
 

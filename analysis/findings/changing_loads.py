@@ -83,12 +83,12 @@ def compare_force_change_with_load_changes(inputs: FindingInputs) -> ForceShareC
         ProjectedEquation.project_out(one, ()),
         ProjectedEquation.project_out(one, ("driveline",)),
     )
-    square = before.compute_remaining_information_about_cause("driveline")
+    square = before.get_information_left_about_cause("driveline")
     if not square > 0.0:
         return None
     variance = min(by_loads.variance, after.variance)
     of_several = after.square_left * after.variance - by_loads.square_left * by_loads.variance
-    value = before.compute_remaining_likelihood_score_of_cause("driveline") / square
+    value = before.get_likelihood_score_left_of_cause("driveline") / square
     gain = value**2 * square * before.variance / variance
     std = (variance / (square * before.variance)) ** 0.5
     return ForceShareChange(value, std, gain, of_several / variance, fit.mass_count)
@@ -154,13 +154,13 @@ def _find_fitted_load_changes(inputs: FindingInputs) -> list[Symptom]:
     if not found:
         return []
     worst = max(found, key=lambda each: each.z_score_over_threshold)
-    begin = int(inputs.aligned["t_ns"].to_numpy()[worst.first_sample])
+    start = int(inputs.aligned["t_ns"].to_numpy()[worst.first_sample])
     return [
         Symptom(
             worst.z_score_over_threshold * len(found) ** 0.5,
             f"in {format_count(len(found), 'manoeuvre')} the load changes, by up to "
             f"{worst.kg_s:+.0f} kg/s",
-            span_ns=(begin, begin),
+            span_ns=(start, start),
         )
     ]
 
@@ -182,13 +182,13 @@ def _report_excluded_load_changes(inputs: FindingInputs) -> list[Symptom]:
         return []
     worst = max(growing, key=lambda each: abs(each.load_change_kg) / each.std_kg)
     t = inputs.aligned["t_ns"].to_numpy()
-    begin = int(t[min(worst.first, t.size - 1)])
+    start = int(t[min(worst.first, t.size - 1)])
     return [
         Symptom(
             abs(worst.load_change_kg) / worst.std_kg / 4.0 * float(np.sqrt(len(growing))),
             f"in {format_count(len(growing), 'manoeuvre')} the load changes, by up to "
             f"{worst.load_change_kg:+.0f} ± {worst.std_kg:.0f} kg; these manoeuvres are excluded",
-            span_ns=(begin, begin),
+            span_ns=(start, start),
         )
     ]
 

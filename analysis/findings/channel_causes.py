@@ -47,8 +47,8 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
     spans = of_channel[name]
     t = inputs.aligned["t_ns"].to_numpy() + inputs.check_inputs.t0_unix_ns
     holds = np.zeros(t.size, np.bool_)
-    for begin, end in chain(*of_channel.values()):
-        holds |= (t >= begin) & (t <= end)
+    for start, end in chain(*of_channel.values()):
+        holds |= (t >= start) & (t <= end)
     found = inputs.check_inputs.left_out.get("frozen_s")
 
     @cache
@@ -107,9 +107,9 @@ def find_noiseless_stretches_ns(inputs: FindingInputs, channel: str) -> list[tup
         if never
         and run.value not in limits
         and not any(
-            begin - LIMITS.stand_edge_ns <= run.start_ns
+            start - LIMITS.stand_edge_ns <= run.start_ns
             and run.end_ns <= end + LIMITS.stand_edge_ns
-            for begin, end in signals.standstill_spans
+            for start, end in signals.standstill_spans
         )
         and not does_machine_stand_between(inputs, channel, run.start_ns, run.end_ns)
     ]
@@ -187,11 +187,11 @@ def find_speed_stuck_at_its_largest(inputs: FindingInputs) -> list[Symptom]:
         if not spans:
             continue
         unix_ns, readings = inputs.unfiltered_readings[name]
-        firsts = np.abs(readings[np.searchsorted(unix_ns, [begin for begin, _ in spans])])
+        firsts = np.abs(readings[np.searchsorted(unix_ns, [start for start, _ in spans])])
         largest = float(np.abs(readings).max())
         if firsts.min() < LIMITS.stuck_at_largest_1 * largest:
             continue
-        total_s = sum(end - begin for begin, end in spans) / 1e9
+        total_s = sum(end - start for start, end in spans) / 1e9
         return [
             Symptom(
                 total_s / LIMITS.frozen_total_s,

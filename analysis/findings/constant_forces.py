@@ -120,12 +120,12 @@ def _estimate_and_explain_constant_forces(inputs: FindingInputs) -> ConstantForc
         own = ProjectedEquation.project_out(system, ())
         variances.append(own.variance)
         left[acts, tilted, False] = own.square_left * own.variance
-        square = own.compute_remaining_information_about_cause(friction)
+        square = own.get_information_left_about_cause(friction)
         # a force that holds the machine on a slope is not an offset that friction cancels
         if acts and holds:
             continue
-        if square > 0.0 and own.compute_remaining_likelihood_score_of_cause(friction) * way > 0.0:
-            gain = own.compute_remaining_likelihood_score_of_cause(friction) ** 2 / square
+        if square > 0.0 and own.get_likelihood_score_left_of_cause(friction) * way > 0.0:
+            gain = own.get_likelihood_score_left_of_cause(friction) ** 2 / square
             left[acts, tilted, True] = (own.square_left - gain) * own.variance
     cost = {of: each / min(variances) + LIMITS.cause_cost * sum(of) for of, each in left.items()}
     best = min(cost, key=lambda each: cost[each])

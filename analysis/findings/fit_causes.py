@@ -45,7 +45,7 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
     squat = ", or the body pitches as it accelerates (channels.pitch_rad)" if may_squat else ""
     keys, scales = inputs.propose_scale_settings(inputs.speed_channels, 1.0 / (1.0 + gain))
 
-    def rescale(motion: MotionSamples) -> MotionSamples:
+    def correct_wheel_radius_of_motion(motion: MotionSamples) -> MotionSamples:
         force = motion.force * (1.0 + gain) if torques else motion.force
         return replace(motion, force=force, speed=motion.speed / (1.0 + gain))
 
@@ -60,7 +60,9 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
             channel=next(iter(inputs.speed_channels), None),
             setting=", ".join([*setting, *([keys] if keys else [])]) or None,
             value=", ".join([*value, *([scales] if keys else [])]) or None,
-            change=lambda: compute_mass_change_by_refit(inputs, rescale, min(std / abs(gain), 1.0)),
+            change=lambda: compute_mass_change_by_refit(
+                inputs, correct_wheel_radius_of_motion, min(std / abs(gain), 1.0)
+            ),
             # an accelerometer that reads too much may rock on its mount
             alternatives=(
                 *list_indistinguishable_causes(fitted),
@@ -386,13 +388,13 @@ def find_external_force(inputs: FindingInputs) -> list[Symptom]:
     growth, std = (digging[name].to_numpy() for name in ("growth_N", "growth_std_N"))
     excess = growth / std
     worst = int(np.argmax(excess))
-    begin, end = (int(digging[name][worst]) for name in ("start_t_ns", "end_t_ns"))
+    start, end = (int(digging[name][worst]) for name in ("start_t_ns", "end_t_ns"))
     return [
         Symptom(
             float(excess[worst]) / STAGE_LIMITS.pile_min_growth_std * np.sqrt(digging.height),
             f"in {format_count(digging.height, 'start')} a resistance grows, by up to "
             f"{growth[worst]:.0f} ± {std[worst]:.0f} N; these starts are excluded",
             channel=inputs.force_channel,
-            span_ns=(begin, end),
+            span_ns=(start, end),
         )
     ]

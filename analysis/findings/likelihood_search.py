@@ -101,7 +101,7 @@ def _select_causes_stepwise(inputs: FindingInputs) -> dict[str, FittedCause]:
         rivals = {
             name
             for name, fitted_cause in tried.items()
-            if best.gain - fitted_cause.gain < compute_indistinguishable_gain_difference(best, name)
+            if best.gain - fitted_cause.gain < choose_indistinguishable_likelihood_gain(best, name)
             and has_plausible_slip_sign(fitted_cause)
         }
         if best.name.startswith("delay"):
@@ -157,14 +157,16 @@ def _refit_selected_delays_and_friction(
     return refitted
 
 
-def compute_indistinguishable_gain_difference(best_pick: FittedCause, cause_name: str) -> float:
+def choose_indistinguishable_likelihood_gain(best_cause: FittedCause, cause_name: str) -> float:
     """Difference of gains below which two causes cannot be distinguished."""
     # at constant throttle, brakes also look like a constant force, or like one that is nonlinear
     # in the acceleration
-    pair = {best_pick.name, cause_name}
+    pair = {best_cause.name, cause_name}
     alike = "braking" in pair and pair & {"const", "direction", "driveline"}
     return (
-        max(LIMITS.indistinguishable_gain, LIMITS.indistinguishable_brake_fraction * best_pick.gain)
+        max(
+            LIMITS.indistinguishable_gain, LIMITS.indistinguishable_brake_fraction * best_cause.gain
+        )
         if alike
         else LIMITS.indistinguishable_gain
     )
@@ -179,7 +181,7 @@ def _choose_most_likely_cause(candidates: Mapping[str, FittedCause]) -> FittedCa
         fitted_cause
         for fitted_cause in candidates.values()
         if best.gain - fitted_cause.gain
-        < compute_indistinguishable_gain_difference(best, fitted_cause.name)
+        < choose_indistinguishable_likelihood_gain(best, fitted_cause.name)
         and has_plausible_slip_sign(fitted_cause)
         and abs(fitted_cause.value) >= _LEAST.get(fitted_cause.name, 0.0)
         and fitted_cause.gain >= LIMITS.picked_gain
@@ -297,12 +299,10 @@ def score_remaining_causes(
     for name in names:
         if name in selected_causes:
             continue
-        square = sum(part.compute_remaining_information_about_cause(name) for part in parts)
+        square = sum(part.get_information_left_about_cause(name) for part in parts)
         if not square > 0.0:
             continue
-        value = (
-            sum(part.compute_remaining_likelihood_score_of_cause(name) for part in parts) / square
-        )
+        value = sum(part.get_likelihood_score_left_of_cause(name) for part in parts) / square
         out[name] = FittedCause(name, value, square**-0.5, value**2 * square, ())
     return out
 

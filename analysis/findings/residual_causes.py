@@ -93,9 +93,9 @@ def compute_power_spectra_of_stretches(
     ramp = np.linspace(-1.0, 1.0, LIMITS.spectrum_samples)
     own = np.vander(ramp, trend_degree + 1)
     out: list[Floats] = []
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+    for start, end in zip(edges[::2], edges[1::2], strict=True):
         for first in range(
-            int(begin), int(end) - LIMITS.spectrum_samples + 1, LIMITS.spectrum_samples // 2
+            int(start), int(end) - LIMITS.spectrum_samples + 1, LIMITS.spectrum_samples // 2
         ):
             part = slice(first, first + LIMITS.spectrum_samples)
             rest = signal[part] - own @ np.linalg.lstsq(own, signal[part], rcond=None)[0]

@@ -72,20 +72,20 @@ def find_copied_row_stretches(inputs: FindingInputs) -> list[Symptom]:
     found: list[Symptom] = []
     for topic, copies in inputs.copied_rows_by_topic.items():
         t = inputs.raw_frames_by_topic[topic]["log_time_ns"].to_numpy()
-        begin, end, source = max(copies, key=lambda each: t[each[1]] - t[each[0]])
+        start, end, source = max(copies, key=lambda each: t[each[1]] - t[each[0]])
         total_s = sum(float(t[e] - t[b]) for b, e, _ in copies) / NS_PER_S
         start_s, again_s = (
-            (int(t[at]) - inputs.check_inputs.t0_unix_ns) / NS_PER_S for at in (source, begin)
+            (int(t[at]) - inputs.check_inputs.t0_unix_ns) / NS_PER_S for at in (source, start)
         )
         times = "" if len(copies) == 1 else f"; {len(copies)} stretches, {total_s:,.1f} s in all"
         found.append(
             Symptom(
                 total_s / SIGNAL_LIMITS.copy_min_s,
-                f"{end - begin + 1:,} rows from {again_s:,.1f} s on repeat those from "
+                f"{end - start + 1:,} rows from {again_s:,.1f} s on repeat those from "
                 f"{start_s:,.1f} s on to the last digit{times}: they are excluded; the motion "
                 "during that time was not recorded",
                 channel=inputs.find_channel_of_topic(topic),
-                span_ns=inputs.convert_unix_to_aligned_ns(int(t[begin]), int(t[end])),
+                span_ns=inputs.convert_unix_to_aligned_ns(int(t[start]), int(t[end])),
             )
         )
     return list_only_strongest_symptom(found)

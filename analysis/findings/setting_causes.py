@@ -29,8 +29,8 @@ def find_unmodelled_braking(inputs: FindingInputs) -> list[Symptom]:
     ):
         return []
     reasons = inputs.check_inputs.gated["reason_x"].cast(str)
-    told = int((reasons != "warming_up").sum())
-    refused = float((reasons == "braking").sum()) / max(told, 1)
+    window_count = int((reasons != "warming_up").sum())
+    refused = float((reasons == "braking").sum()) / max(window_count, 1)
     ratio = compute_braking_to_driving_mass_ratio(inputs.check_inputs)
     if not abs(ratio - 1.0) < LIMITS.braking_mass_tolerance:
         return []

@@ -291,7 +291,7 @@ def _find_wrong_unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
     # the factor for the accelerometer's scale, or its inverse for the wheels'
     times = 1.0 / ratio if names[0] == ACC else ratio
     setting, value = inputs.propose_scale_settings(names, times)
-    told = all(channels[each] == names for each in alike)
+    is_unique = all(channels[each] == names for each in alike)
     what = " or ".join(
         {**units, **_ACC_UNITS}[each] for each in sorted(alike, key=near.__getitem__)
     )
@@ -300,8 +300,8 @@ def _find_wrong_unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
             10.0 * abs(float(np.log(gain))) / LIMITS.signed_correlation,
             f"accelerometer over wheels is {gain:.4g}, near {ratio:.4g}: {what}",
             channel=names[0],
-            setting=setting if told else None,
-            value=value if told else None,
+            setting=setting if is_unique else None,
+            value=value if is_unique else None,
             change=lambda: compute_mass_change_by_refit_with_answer_u(
                 inputs, lambda motion: scale_channel_of_motion(motion, names[0], times), 0.05
             ),

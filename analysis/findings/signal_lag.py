@@ -32,7 +32,7 @@ class _Deviations(NamedTuple):
         deviations = values - values.sum() / values.size
         return cls(deviations, math.sqrt(np.square(deviations).sum() / values.size))
 
-    def correlate(self, other: "_Deviations") -> float:
+    def compute_correlation_coefficient(self, other: "_Deviations") -> float:
         """Correlation coefficient, 0 where either is constant."""
         size = self.std * other.std
         return float(self.values @ other.values) / (self.values.size * size) if size else 0.0
@@ -73,15 +73,20 @@ def estimate_lag_and_std_s(delayed: Series, reference: Series) -> tuple[float, f
     if longest < 1 or times_ns.size < 4 * longest * LIMITS.source_delay_parts:
         return None
     x, y = (np.interp(times_ns, *series) for series in both)
-    begins = np.linspace(longest, times_ns.size - longest, LIMITS.source_delay_parts + 1).astype(
+    starts = np.linspace(longest, times_ns.size - longest, LIMITS.source_delay_parts + 1).astype(
         int
     )
     shifts = range(-longest, longest + 1)
     lags: list[float] = []
-    for begin, end in pairwise(begins.tolist()):
-        still = _Deviations.from_values(x[begin:end])
+    for start, end in pairwise(starts.tolist()):
+        still = _Deviations.from_values(x[start:end])
         seen = np.array(
-            [still.correlate(_Deviations.from_values(y[begin - k : end - k])) for k in shifts]
+            [
+                still.compute_correlation_coefficient(
+                    _Deviations.from_values(y[start - k : end - k])
+                )
+                for k in shifts
+            ]
         )
         at = int(np.argmax(seen))
         if seen[at] > LIMITS.source_correlation and 0 < at < seen.size - 1:

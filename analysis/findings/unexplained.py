@@ -65,14 +65,14 @@ def make_unexplained_symptom(
         found_mass_causes: keys of those causes that invalidate the mass, change it by about its
             uncertainty, or have an unknown effect on it; None means all.
     """
-    told, matter = (
+    explained_names, matter = (
         set(found_causes),
         set(found_causes if found_mass_causes is None else found_mass_causes),
     )
     failed = [
         row
         for row in verdict.iter_rows(named=True)
-        if _is_failed_mass_check_unexplained(row, told, matter)
+        if _is_failed_mass_check_unexplained(row, explained_names, matter)
     ]
     if not failed:
         return None

@@ -68,10 +68,12 @@ def _find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
         and opposing <= LIMITS.unsigned_opposing_fraction
     )
     lost, nearly = has_channel_lost_its_sign(inputs, name), is_negative_only_by_noise(straight)
-    backwards = drives_in_reverse(straight) and (
-        lost or (nearly and pushes_forwards_in_reverse(straight))
+    backwards = does_machine_drive_in_reverse(straight) and (
+        lost or (nearly and is_force_positive_in_reverse(straight))
     )
-    if not (backwards or (brakes and (lost or (nearly and pushes_while_braking(straight))))):
+    if not (
+        backwards or (brakes and (lost or (nearly and is_force_positive_while_braking(straight))))
+    ):
         return []
     high = float(np.quantile(inputs.unfiltered_readings[name][1], 0.99))
     return [
@@ -88,13 +90,13 @@ def _find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def drives_in_reverse(straight: AxisMotion) -> bool:
+def does_machine_drive_in_reverse(straight: AxisMotion) -> bool:
     """Whether the machine drives backwards for a part of the log."""
     reverses = straight.speed_or_yaw_rate[straight.complete] < -LIMITS.reverse_speed_m_s
     return float(reverses.mean()) > LIMITS.unsigned_reverse_min_fraction
 
 
-def pushes_forwards_in_reverse(straight: AxisMotion) -> bool:
+def is_force_positive_in_reverse(straight: AxisMotion) -> bool:
     """Whether the force in reverse is far above zero, and so is not that of rolling."""
     reverses = straight.complete & (straight.speed_or_yaw_rate < -LIMITS.reverse_speed_m_s)
     largest_N, reversing_N = (
@@ -109,7 +111,7 @@ def is_negative_only_by_noise(straight: AxisMotion) -> bool:
     return bool(-low < LIMITS.unsigned_noise_fraction * high)
 
 
-def pushes_while_braking(straight: AxisMotion) -> bool:
+def is_force_positive_while_braking(straight: AxisMotion) -> bool:
     """Whether the force is far above zero in most samples in which the machine slows down."""
     far_N = LIMITS.unsigned_force_fraction * np.quantile(straight.f[straight.complete], 0.99)
     return bool(np.median(straight.f[straight.braking]) > far_N)

@@ -273,11 +273,11 @@ class ProjectedEquation:
             variance,
         )
 
-    def compute_remaining_information_about_cause(self, cause_name: str) -> float:
+    def get_information_left_about_cause(self, cause_name: str) -> float:
         """Remaining information about a candidate cause."""
         return self.information.get(cause_name, 0.0)
 
-    def compute_remaining_likelihood_score_of_cause(self, cause_name: str) -> float:
+    def get_likelihood_score_left_of_cause(self, cause_name: str) -> float:
         """Remaining Xᵀy of a candidate cause."""
         return self.score.get(cause_name, 0.0)
 

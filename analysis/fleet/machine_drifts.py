@@ -164,18 +164,18 @@ def make_control_chart(values: Floats, cusum_limit: float) -> ControlChart:
     innovation = standardise_innovations(remove_lag_1_correlation(values))
     up, down = np.zeros(values.size), np.zeros(values.size)
     flagged: int | None = None
-    begins = [0, 0]
+    starts = [0, 0]
     since: int | None = None
     high = low = 0.0
     for n, u in enumerate(innovation):
-        begins = [n if high == 0.0 else begins[0], n if low == 0.0 else begins[1]]
+        starts = [n if high == 0.0 else starts[0], n if low == 0.0 else starts[1]]
         high, low = (
             max(high + u - LIMITS.cusum_allowance_std, 0.0),
             max(low - u - LIMITS.cusum_allowance_std, 0.0),
         )
         up[n], down[n] = high, low
         if flagged is None and max(high, low) > cusum_limit:
-            flagged, since = n, begins[0 if high > low else 1]
+            flagged, since = n, starts[0 if high > low else 1]
     change, std = estimate_mean_change_and_std_at_row(values, since)
     return ControlChart(innovation, up, down, cusum_limit, flagged, since, change, std)
 

@@ -87,8 +87,8 @@ def _digest_json(value: Any) -> str:
 def _digest_column_values(series: pl.Series) -> str:
     values, nulls = hashlib.sha256(), hashlib.sha256()
     for part in (
-        series[begin : begin + LIMITS.hashed_rows]
-        for begin in range(0, series.len(), LIMITS.hashed_rows)
+        series[start : start + LIMITS.hashed_rows]
+        for start in range(0, series.len(), LIMITS.hashed_rows)
     ):
         if series.null_count():
             nulls.update(np.packbits(part.is_null().to_numpy()).data)

@@ -158,7 +158,9 @@ class Channel(BaseModel):
             raise ValueError("give either 'field' (with 'topic') or 'derive'")
         if self.angle_and_quaternion_field:
             if self.unit is not None or self.scale != 1.0 or self.offset:
-                raise ValueError("an angle of a quaternion takes no 'unit', 'scale' or 'offset'")
+                raise ValueError(
+                    "an angle of a quaternion takes no 'unit', 'scale' or 'offset'; remove it"
+                )
             return self
         try:
             sources = self.direct_source_channels
@@ -171,7 +173,7 @@ class Channel(BaseModel):
                 'or "pitch(FIELD)" and "roll(FIELD)" of a quaternion'
             )
         if self.derive is not None and (self.topic is not None or self.unit is not None):
-            raise ValueError("a derived channel takes no 'topic' and no 'unit'")
+            raise ValueError("a derived channel takes no 'topic' and no 'unit'; remove it")
         if self.derive is not None and self.valid_range is not None:
             raise ValueError(
                 "a derived channel takes no 'valid_range'; set valid_range of its source channels"
@@ -243,7 +245,8 @@ class Machine(BaseModel):
                 )
             angle = channel.angle_and_quaternion_field
             if angle and name != f"{angle[0]}_rad":
-                raise ValueError(f"channels.{name}: '{channel.derive}' computes {angle[0]}_rad")
+                what = f"'{channel.derive}' computes {angle[0]}_rad; rename the channel to that"
+                raise ValueError(f"channels.{name}: {what}")
             for source in channel.direct_source_channels:
                 if source not in self.channels:
                     raise ValueError(f"channels.{name}: '{source}' is not a channel; add it")
@@ -389,7 +392,7 @@ class Machine(BaseModel):
             if not ready:
                 raise ValueError(
                     "these channels cannot be computed, since some are derived from each other "
-                    f"in a circle: {', '.join(waiting)}"
+                    f"in a circle: {', '.join(waiting)}; give one of them a field"
                 )
             for name in ready:
                 order.append(name)

@@ -178,7 +178,9 @@ class LoadSettings(BaseModel):
     def _refuse_reversed_empty_spans(self) -> Self:
         first, last = self.empty_from_s, self.empty_to_s
         if (first is None) != (last is None):
-            raise ValueError("empty_from_s and empty_to_s must be given together")
+            raise ValueError(
+                "empty_from_s and empty_to_s must be given together; add the other one"
+            )
         if self.single_load and first is not None:
             raise ValueError(
                 "single_load and empty_from_s contradict each other: one load in the whole log, or "

@@ -40,7 +40,7 @@ def find_flagged_runs(is_flagged: Bools) -> tuple[Ints, Ints]:
 def list_whole_blocks_of_runs(is_flagged: Bools, block_rows: int) -> list[slice]:
     """Successive blocks of `block_rows` samples that fit into the runs of flagged samples."""
     return [
-        slice(begin, begin + block_rows)
+        slice(start, start + block_rows)
         for first, last in zip(*find_flagged_runs(is_flagged), strict=True)
-        for begin in range(first, last + 2 - block_rows, block_rows)
+        for start in range(first, last + 2 - block_rows, block_rows)
     ]

@@ -8,7 +8,7 @@
         print(report.to_dict())
 
 `start`, `step` and `finish` do the same one row of `excitation` at a time, state in, state out.
-`rehearse` loads all that they need in advance, so that no row waits for it.
+`compile_loops_by_synthetic_start` loads all that they need in advance: no row then waits for it.
 """
 
 from typing import TYPE_CHECKING
@@ -19,9 +19,17 @@ if TYPE_CHECKING:
     from analysis.online.follower import Follower
     from analysis.online.on_board import finish, start, step
     from analysis.online.online_report import OnlineReport, Validity
-    from analysis.online.rehearsal import rehearse
+    from analysis.online.rehearsal import compile_loops_by_synthetic_start
 
-__all__ = ["Follower", "OnlineReport", "Validity", "finish", "rehearse", "start", "step"]
+__all__ = [
+    "Follower",
+    "OnlineReport",
+    "Validity",
+    "compile_loops_by_synthetic_start",
+    "finish",
+    "start",
+    "step",
+]
 
 __getattr__ = make_lazy_import_getattr(
     "analysis.online",
@@ -30,7 +38,7 @@ __getattr__ = make_lazy_import_getattr(
         "OnlineReport": "analysis.online.online_report",
         "Validity": "analysis.online.online_report",
         "finish": "analysis.online.on_board",
-        "rehearse": "analysis.online.rehearsal",
+        "compile_loops_by_synthetic_start": "analysis.online.rehearsal",
         "start": "analysis.online.on_board",
         "step": "analysis.online.on_board",
     },

@@ -182,9 +182,13 @@ class Follower:
         self._state, self.last_gate = stepped.state, stepped.gate
         self._now = t_ns, row["phase"]
         self._note_change_of_driving_direction(t_ns, row)
-        estimates = self._estimates_with_times_ns(stepped.estimates)
+        estimates = self._replace_rows_by_times_ns_in_estimates(stepped.estimates)
         self.newest |= estimates
-        spun = self._estimates_with_times_ns(stepped.spin.estimates) if stepped.spin else {}
+        spun = (
+            self._replace_rows_by_times_ns_in_estimates(stepped.spin.estimates)
+            if stepped.spin
+            else {}
+        )
         second = t_ns // 1_000_000_000
         reports = [self._make_report("manoeuvre")] if self._update_last_mass(estimates) else []
         reports += [self._make_report("spin")] if self._update_last_inertia(spun) else []
@@ -199,7 +203,7 @@ class Follower:
     def _finish_rows(self, state: OnlineState) -> Iterator[FollowedRow]:
         t_ns, phase = self._now
         for axis, late in finish(state):
-            found = self._estimates_with_times_ns(late)
+            found = self._replace_rows_by_times_ns_in_estimates(late)
             if axis is X:
                 self.newest |= found
                 reports = (self._make_report("manoeuvre"),) if self._update_last_mass(found) else ()
@@ -217,7 +221,7 @@ class Follower:
             self._times = _RowTimeline(1e9 / basis.machine.settings.align.rate_hz)
         return self._state, self._times
 
-    def _estimates_with_times_ns(
+    def _replace_rows_by_times_ns_in_estimates(
         self, estimates: Mapping[str, TimedEstimate]
     ) -> dict[str, tuple[int, Estimate]]:
         assert self._times is not None

@@ -210,7 +210,7 @@ def append_row_without_decision(
     slips = np.zeros(1, np.bool_)
     accelerations, yaw_rates = state.accelerations, state.yaw_rates
     if axis is X:
-        accelerations = (*accelerations[1:], _forward_acceleration(row))
+        accelerations = (*accelerations[1:], _compute_forward_acceleration_m_s2(row))
         slips = _is_slipping(row, accelerations, settings)
     else:
         yaw_rates = (*yaw_rates[1:], convert_cell_to_float(row["yaw_rate_rad_s"]))
@@ -243,7 +243,7 @@ def _is_slipping(
     return mark_slipping_samples(rate, np.array(recent_accelerations), settings)
 
 
-def _forward_acceleration(row: Mapping[str, Any]) -> float:
+def _compute_forward_acceleration_m_s2(row: Mapping[str, Any]) -> float:
     pitch = np.array([convert_cell_to_float(row["pitch_rad"])]) if "pitch_rad" in row else None
     measured = np.array([convert_cell_to_float(row.get("specific_force_x_m_s2"))])
     return float(subtract_gravity(measured, pitch)[0])

@@ -223,16 +223,16 @@ class GrowingLog:
         }
         return True
 
-    def _drop_samples_before_last_topic(self, begins_ns: int) -> None:
+    def _drop_samples_before_last_topic(self, starts_ns: int) -> None:
         """Drop samples from the time before the last topic begins, except at its ends.
 
         Args:
-            begins_ns: log time from which samples of the last topic can come.
+            starts_ns: log time from which samples of the last topic can come.
         """
         first_ns = min(int(frame["log_time_ns"][0]) for frame in self._raw.values())
         ends_ns = round((SIGNAL_LIMITS.longest_gap_s + self._kept_s) * 1e9)
-        if begins_ns - first_ns > 2 * ends_ns:
-            self._drop_samples_between("log_time_ns", first_ns + ends_ns, begins_ns - ends_ns)
+        if starts_ns - first_ns > 2 * ends_ns:
+            self._drop_samples_between("log_time_ns", first_ns + ends_ns, starts_ns - ends_ns)
 
     def _drop_samples_while_topic_is_missing(self) -> bool:
         """Drop samples within a gap of a topic, which give no row; return whether it continues."""

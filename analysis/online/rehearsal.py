@@ -13,17 +13,17 @@ import polars as pl
 from analysis.model.settings import Settings
 from analysis.online.on_board import finish, start, step
 from analysis.online.online_limits import LIMITS
-from estimators.interpreted import force_compilation
+from estimators.interpreted import compile_even_short_loops
 
 
-def rehearse(settings: Settings, noise: pl.DataFrame | None = None) -> None:
+def compile_loops_by_synthetic_start(settings: Settings, noise: pl.DataFrame | None = None) -> None:
     """Run gate and methods through a synthetic start, so that all their loops are compiled.
 
     Args:
         settings: settings of the follower.
         noise: noise of the follower.
     """
-    with force_compilation():
+    with compile_even_short_loops():
         state = start(settings, noise)
         for row in iter_rehearsal_rows(settings):
             state = step(state, row).state

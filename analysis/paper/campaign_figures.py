@@ -27,14 +27,14 @@ def make_figure_5_gate_data(campaign: ReplayedCampaign) -> Figure5:
     """Force, acceleration, speed and index of one start and stop."""
     frames, about = campaign.replayed.frames, campaign.replayed.provenance
     trial = campaign.trials.row(0, named=True)
-    begin_ns = trial["throttle_ns"] - round(LIMITS.before_trial_s * 1e9) - about.t0_unix_ns
+    start_ns = trial["throttle_ns"] - round(LIMITS.before_trial_s * 1e9) - about.t0_unix_ns
     end_ns = trial["end_ns"] + round(LIMITS.after_trial_s * 1e9) - about.t0_unix_ns
     series = (
         frames["excitation"]
         .select("t_ns", "force_x_N", "regressor_acc_x_m_s2", "speed_x_m_s", "phase")
         .join(frames["gate"].select("t_ns", "mi_x_nat", "accepted_x"), on="t_ns")
-        .filter(pl.col("t_ns").is_between(begin_ns, end_ns))
-        .select(t_s=(pl.col("t_ns") - begin_ns) / 1e9, **{
+        .filter(pl.col("t_ns").is_between(start_ns, end_ns))
+        .select(t_s=(pl.col("t_ns") - start_ns) / 1e9, **{
             name: pl.col(name)
             for name in ("force_x_N", "regressor_acc_x_m_s2", "speed_x_m_s", "mi_x_nat",
                          "accepted_x", "phase")

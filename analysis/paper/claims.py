@@ -230,14 +230,14 @@ def check_claims_by_simulation(extracts: RepetitionResults) -> Claims:
         frame=frame,
         rms_limit_kg=limit_kg,
         rms_held=bool((rms["found_kg"] < limit_kg).all()),
-        rms_kg=_min_and_max_of_column(rms["found_kg"]),
+        rms_kg=_find_min_and_max_of_column(rms["found_kg"]),
         constant_percent=constant["of_mass_percent"].item(),
         window_spread_1=spread_1,
         windows_claimed=(spread_1 / printed_numbers.SIMULATION_ERROR[1]) ** 2,
         bias_kg=ls["bias_kg"],
         biased=abs(ls["bias_kg"]) > _NORMAL * ls["bias_std_kg"],
-        experiment_mass_percent=_min_and_max_of_column(experiment["of_mass_percent"]),
-        experiment_range_percent=_min_and_max_of_column(experiment["of_load_range_percent"]),
+        experiment_mass_percent=_find_min_and_max_of_column(experiment["of_mass_percent"]),
+        experiment_range_percent=_find_min_and_max_of_column(experiment["of_load_range_percent"]),
         reduced=tuple(share >= 100.0 * printed_numbers.REDUCTION for share in smaller),
         rule_that_improves_rls=find_gate_rule_that_reduces_rls_error(means),
         buffer=_compare_ls_buffer_with_rls(frame.filter(pl.col("claim") == "buffer")),
@@ -269,8 +269,8 @@ def _compare_ls_buffer_with_rls(frame: pl.DataFrame) -> BufferErrors:
     return BufferErrors(
         windows=tuple(beside["window_samples"]),
         as_good=tuple(beside.filter(reaches)["window_samples"]),
-        ls_kg=_min_and_max_of_column(ls["found_kg"]),
-        rls_kg=_min_and_max_of_column(rls["found_kg"]),
+        ls_kg=_find_min_and_max_of_column(ls["found_kg"]),
+        rls_kg=_find_min_and_max_of_column(rls["found_kg"]),
     )
 
 
@@ -362,7 +362,7 @@ def find_gate_rule_that_reduces_rls_error(
     )
 
 
-def _min_and_max_of_column(column: pl.Series) -> tuple[float, float]:
+def _find_min_and_max_of_column(column: pl.Series) -> tuple[float, float]:
     low, high = column.min(), column.max()
     assert isinstance(low, float)
     assert isinstance(high, float)

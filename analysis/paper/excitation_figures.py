@@ -14,7 +14,7 @@ from analysis.paper.paper_limits import LIMITS
 from analysis.paper.replayed_campaign import ReplayedCampaign, rerun_estimates_on_accepted_windows
 from analysis.paper.simulated_sources import LINEAR, ROTATION, Extract
 from analysis.stages.gating.gate import gate_windows
-from estimators.arrays import Floats
+from estimators.arrays import Bools, Floats
 from estimators.estimate import Trace
 from estimators.methods import fgls, ls, rls, tls
 from estimators.planar import planar_rows
@@ -180,7 +180,7 @@ def _trace_estimates_of_method(
     A: Floats,
     f: Floats,
     window: int,
-    is_complete_window: np.ndarray,
+    is_complete_window: Bools,
     noise: tuple[float, ...],
 ) -> Trace:
     match method:

@@ -86,7 +86,7 @@ class RepetitionResults:
         self._made: dict[Extract[Any, Any], list[Any]] = {}
 
     def add_result_of_repetition(self, extract: Extract[Any, T], result: T) -> None:
-        """Add the result of an extract from another repetition."""
+        """Append the result of one more repetition to the results of an extract."""
         self._made.setdefault(extract, []).append(result)
 
     def list_results_of_extract(self, extract: Extract[Any, T]) -> list[T]:

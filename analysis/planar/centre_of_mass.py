@@ -97,7 +97,7 @@ def make_planar_frames(
     log = PlanarLog(
         collect_planar_samples(excitation, machine.settings, noise), excitation, machine
     )
-    joint = fit_all_motion(log, verdict)
+    joint = fit_all_motion_and_make_row(log, verdict)
     start = joint[1].estimate.coefficients[: len(PARAMETERS)] if joint else np.zeros(6)
     start = start if np.isfinite(start).all() else np.zeros(6)
     rows = list(iter_fit_rows_of_arcs_and_all_arcs(log, gated, verdict, start))
@@ -121,16 +121,16 @@ def iter_fit_rows_of_arcs_and_all_arcs(
     plane, settings = log.plane, log.machine.settings
     steady = plane.usable & (log.excitation["phase"] == "arc").fill_null(False).to_numpy()
     arc_id = np.where(steady, assign_manoeuvre_numbers_to_samples(log.excitation, settings), -1)
-    ids, begins, counts = np.unique(arc_id[steady], return_index=True, return_counts=True)
+    ids, starts, counts = np.unique(arc_id[steady], return_index=True, return_counts=True)
     lasting = counts >= settings.gate.window_samples
     if not lasting.any():
         return
     # an arc is one stretch of the log
     rows = np.flatnonzero(steady)
-    firsts, lasts = rows[begins[lasting]], rows[(begins + counts - 1)[lasting]]
+    firsts, lasts = rows[starts[lasting]], rows[(starts + counts - 1)[lasting]]
     known = Prior.make_zero_mean({}, 2)
-    for stage, told in zip(_STAGES, (verdict.can_weigh, verdict.can_estimate_inertia), strict=True):
-        if told:
+    for stage, used in zip(_STAGES, (verdict.can_weigh, verdict.can_estimate_inertia), strict=True):
+        if used:
             known = known.combine_with_prior(
                 make_arc_prior_from_axis(log, gated, initial_parameters, *stage)
             )
@@ -193,7 +193,9 @@ def does_parameter_occur_on_one_axis(parameter_name: str, axis: Axis) -> bool:
     )
 
 
-def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], PlanarFit] | None:
+def fit_all_motion_and_make_row(
+    log: PlanarLog, verdict: Verdict
+) -> tuple[dict[str, Any], PlanarFit] | None:
     """Fit over all motion; None without enough turning or without yaw torque."""
     plane, settings = log.plane, log.machine.settings
     used = plane.usable & plane.moving & ~mark_turn_transitions(plane, settings)
@@ -207,10 +209,8 @@ def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], Pl
     row = _make_fit_row("joint", log, used, fitted, ())
     estimate = fitted.estimate
     variance = np.var(plane.f, axis=0, where=used[:, None])
-    # of a constant force nothing is explained
-    unexplained = np.divide(
-        estimate.residual_rms**2, variance, out=np.full(2, np.nan), where=variance > 0.0
-    )
+    out = np.full(2, np.nan)  # of a constant force nothing is explained
+    unexplained = np.divide(estimate.residual_rms**2, variance, out=out, where=variance > 0.0)
     row["r_squared_x_1"], row["r_squared_z_1"] = (1.0 - unexplained).tolist()
     believed = is_joint_planar_fit_plausible(plane, estimate, row, settings) and not any(
         does_check_concern_joint_motion(check, log.machine) for check in verdict.checks_beyond_limit
@@ -240,8 +240,8 @@ def is_joint_planar_fit_plausible(
     limits = settings.verdict
     explained = min(fit_row["r_squared_x_1"], fit_row["r_squared_z_1"])
     # mass and inertia, unless the motion does not determine them
-    told = np.isfinite(estimate.theta[:2])
-    theta, std = estimate.theta[:2][told], estimate.parameter_stds[:2][told]
+    known = np.isfinite(estimate.theta[:2])
+    theta, std = estimate.theta[:2][known], estimate.parameter_stds[:2][known]
     force, speeds_up = samples.f[:, 0], samples.known & (samples.speed_change_sign > 0)
     driving = fit_quality.compute_fraction_of_samples_with_force_along_motion(
         samples.motion.speed, force, speeds_up
@@ -276,14 +276,14 @@ def fit_parameters_iteratively(
         axes: fitted axes: force, yaw torque, or both.
         columns: indices of the fitted parameters among the six.
     """
-    told = fit_parameters_once(log, stretch_of_sample, initial_parameters, prior, axes, columns)
+    fit = fit_parameters_once(log, stretch_of_sample, initial_parameters, prior, axes, columns)
     for _ in range(LIMITS.motion_fit_rounds - 1):
         coefficients = initial_parameters.copy()
-        found = told.estimate.coefficients[: len(columns)]
+        found = fit.estimate.coefficients[: len(columns)]
         if np.isfinite(found).all():
             coefficients[list(columns)] = found
-        told = fit_parameters_once(log, stretch_of_sample, coefficients, prior, axes, columns)
-    return told
+        fit = fit_parameters_once(log, stretch_of_sample, coefficients, prior, axes, columns)
+    return fit
 
 
 def fit_parameters_once(
@@ -373,9 +373,9 @@ def _make_fit_row(
         value, gradient = estimate.ratio_and_gradient(moment, "mass_kg")
         row[f"com_{axis}_m"], row[f"com_{axis}_std_m"] = value, compute_u(gradient)
     row["predicted_std_com_m"] = row["com_x_std_m"]
-    told = {*MOMENTS, "inertia_z_kg_m2"} & {name for name in PARAMETERS if name in row}
+    scaled = {*MOMENTS, "inertia_z_kg_m2"} & {name for name in PARAMETERS if name in row}
     gradients = {
-        "scale_unknown": [compute_quantity_gradient(estimate, name) for name in sorted(told)],
+        "scale_unknown": [compute_quantity_gradient(estimate, name) for name in sorted(scaled)],
         "com_scale_unknown": [
             estimate.ratio_and_gradient(moment, "mass_kg")[1] for moment in MOMENTS
         ],

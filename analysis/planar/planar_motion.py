@@ -79,8 +79,8 @@ class PlanarDrive:
     @property
     def mass_kg(self) -> float:
         """Mass in kg by the previous fit, else by the machine file; 0 if unknown."""
-        told = self._read_term_coefficient("mass_kg")
-        return told if told > 0.0 else self.machine.machine.empty_mass_kg or 0.0
+        fitted_kg = self._read_term_coefficient("mass_kg")
+        return fitted_kg if fitted_kg > 0.0 else self.machine.machine.empty_mass_kg or 0.0
 
     @property
     def inertia_z_kg_m2(self) -> float:
@@ -156,7 +156,7 @@ def make_planar_drive(
     span = max(machine.settings.smooth.samples // 2, 1)
     step_s = 2.0 * span / rate_hz
 
-    def central_difference(x: Floats) -> Floats:
+    def compute_central_difference(x: Floats) -> Floats:
         out = np.zeros(x.size)
         out[span:-span] = (x[2 * span :] - x[: -2 * span]) / step_s
         return out
@@ -192,9 +192,9 @@ def make_planar_drive(
         [
             average(force),
             average(torque),
-            central_difference(force),
-            central_difference(torque),
-            central_difference(motion.speed * np.abs(force)),
+            compute_central_difference(force),
+            compute_central_difference(torque),
+            compute_central_difference(motion.speed * np.abs(force)),
             (left + right) / 2.0,
             np.where(spins, direction_x, 0.0),
             np.where(samples.turning, half_track_m * (right - left) / 2.0, 0.0),

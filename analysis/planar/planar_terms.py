@@ -84,7 +84,7 @@ def _has_unknown_slope(machine: Machine) -> bool:
 
 
 def make_unmeasured_gravity_columns(turn: TurningSamples, along: Floats, across: Floats) -> Columns:
-    """Force of an unmeasured gravity component (along, across) the machine."""
+    """Force and yaw torque by gravity along and across the machine; 0 where it is measured."""
     x = along if has_unmeasured_slope(turn.drive.machine) else 0.0 * along
     y = across if _has_unmeasured_lateral_slope(turn.drive.machine) else 0.0 * across
     return (turn.drive.mass_kg * x, turn.drive.moment_x_kg_m * y - turn.drive.moment_y_kg_m * x)

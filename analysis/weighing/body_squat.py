@@ -91,8 +91,8 @@ def estimate_load_squat(
         The change; None if the motion does not determine it.
     """
     if wheels.pitch_shows_squat:
-        gain, variance = estimate_gain_change_by_squat_and_variance(
-            wheels.squat[0], estimate_gain_change_by_pitch_and_variance(motion, loads)
+        gain, variance = estimate_gain_change_and_variance_from_squat(
+            wheels.squat[0], estimate_gain_change_and_variance_from_pitch(motion, loads)
         )
         return LoadSquat(gain, float(np.sqrt(variance)), relative_load)
     widths = np.empty(0) if route is None else compute_grade_prior_stds_m_s2(route)
@@ -101,7 +101,7 @@ def estimate_load_squat(
     )
     if wheels.squat[0] > 0.0:
         seen = None if found is None else (found.gain, found.variance)
-        gain, variance = estimate_gain_change_by_squat_and_variance(wheels.squat[0], seen)
+        gain, variance = estimate_gain_change_and_variance_from_squat(wheels.squat[0], seen)
         return LoadSquat(gain, float(np.sqrt(variance)), relative_load)
     if found is None:
         return None
@@ -129,7 +129,7 @@ def estimate_load_squat(
     return LoadSquat(value if squats else 0.0, std, relative_load)
 
 
-def estimate_gain_change_by_squat_and_variance(
+def estimate_gain_change_and_variance_from_squat(
     load_transfer_fraction: float, pitch_change: tuple[float, float] | None
 ) -> tuple[float, float]:
     """Change of the accelerometer's gain with the load, and its variance, from the squat.
@@ -181,14 +181,14 @@ def make_centred_stretches(
         route.compute_headings_from_dump(motion),
     )
     found: list[_Stretch] = []
-    for begin, end in find_stretch_spans(motion.stretch_of_sample).tolist():
-        means = (end - begin) // LIMITS.squat_mean_samples
+    for start, end in find_stretch_spans(motion.stretch_of_sample).tolist():
+        means = (end - start) // LIMITS.squat_mean_samples
         if means < LIMITS.squat_min_means:
             continue
-        part = slice(begin, begin + means * LIMITS.squat_mean_samples)
+        part = slice(start, start + means * LIMITS.squat_mean_samples)
         a = motion.specific_force[part]
         gained = (np.cumsum(a) - a / 2.0) / motion.rate_hz
-        load = float(relative[begin])
+        load = float(relative[start])
         columns = np.column_stack(
             # the wheel speed, not the integrated accelerometer: a squat does not scale the gravity
             # on a slope
@@ -228,7 +228,7 @@ def compute_cumulative_grade_columns(route_position_1: Floats, heading_sign: Flo
     return np.cumsum(grade, axis=0) - grade / 2.0
 
 
-def estimate_gain_change_by_pitch_and_variance(
+def estimate_gain_change_and_variance_from_pitch(
     motion: MotionSamples, loads: RelativeLoads
 ) -> tuple[float, float] | None:
     """Change of the accelerometer's gain for the reference load from the pitch, and its variance.

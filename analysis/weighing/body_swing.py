@@ -149,14 +149,14 @@ def fit_body_spring_rates(measured_acceleration: Floats, motion: MotionSamples) 
         found = compared.estimate_swing_with_springs(make_swing_from_logs(logs))
         return np.inf if found is None else found[1]
 
-    begin = np.log([first.frequency_hz, first.damping_1])
-    corners = begin + LIMITS.lever_step * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    start = np.log([first.frequency_hz, first.damping_1])
+    corners = start + LIMITS.lever_step * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     low, high = np.log(
         [(tried[0], tried[-1]) for tried in (LIMITS.lever_frequencies_hz, LIMITS.lever_dampings_1)]
     ).T
     best = minimize(
         compute_misfit_of_swing,
-        begin,
+        start,
         method="Nelder-Mead",
         bounds=Bounds(low, high),
         options={"initial_simplex": corners, "xatol": LIMITS.lever_tolerance, "fatol": np.inf},  # pyright: ignore[reportArgumentType] the stubs know no simplex

@@ -74,13 +74,13 @@ def estimate_empty_mass_drift(fit: JointFit) -> EmptyMassDrift | None:
     if first.size < LIMITS.empty_drift_min_states:
         return None
     masses_kg, third = fit.masses_kg[states.state_of_manoeuvre[np.sort(first)]], first.size // 3
-    begin, end = masses_kg[:third], masses_kg[-third:]
+    start, end = masses_kg[:third], masses_kg[-third:]
     mean_kg = float(np.mean(masses_kg))
     if not mean_kg > 0.0:  # a failed fit, which no drift explains
         return None
     # successive masses differ by noise and carry-back, and hardly by the drift
     scatter_kg = float(np.std(np.diff(masses_kg))) / np.sqrt(2.0)
-    change_1 = float(np.mean(end) - np.mean(begin)) / mean_kg
+    change_1 = float(np.mean(end) - np.mean(start)) / mean_kg
     u_1 = scatter_kg * np.sqrt(2.0 / third) / mean_kg
     hours = fit.motion.speed.size / fit.motion.rate_hz / 3600.0
     return EmptyMassDrift(
@@ -126,8 +126,8 @@ def mark_local_mass_minima(mass_kg: Floats) -> Bools:
     Args:
         mass_kg: (n,) mass of each manoeuvre's load state, in order of time.
     """
-    begins = np.flatnonzero(np.append(True, np.diff(mass_kg) != 0.0))
-    loads_kg = mass_kg[begins]
+    starts = np.flatnonzero(np.append(True, np.diff(mass_kg) != 0.0))
+    loads_kg = mass_kg[starts]
     beside = np.concatenate([[np.inf], loads_kg, [np.inf]])
     lightest = (loads_kg <= beside[:-2]) & (loads_kg <= beside[2:])
-    return np.repeat(lightest, np.diff(np.append(begins, mass_kg.size)))
+    return np.repeat(lightest, np.diff(np.append(starts, mass_kg.size)))

@@ -61,7 +61,7 @@ def find_empty_mass_step(
         start_ns: (manoeuvres,) start of each manoeuvre.
         end_ns: (manoeuvres,) end of each manoeuvre.
     """
-    begins = np.flatnonzero(np.append(True, np.diff(state_of_manoeuvre) != 0))
+    starts = np.flatnonzero(np.append(True, np.diff(state_of_manoeuvre) != 0))
     visit = np.cumsum(np.append(0, np.diff(state_of_manoeuvre) != 0))
     weight = 1.0 / std_kg**2
     total = np.bincount(visit, weight)
@@ -72,12 +72,12 @@ def find_empty_mass_step(
         return None
     place = min(
         range(least, empty_kg.size - least + 1),
-        key=lambda k: float(np.abs(_subtract_medians(empty_kg, k)).sum()),
+        key=lambda k: float(np.abs(_subtract_median_of_each_side(empty_kg, k)).sum()),
     )
     before_kg, after_kg = float(np.median(empty_kg[:place])), float(np.median(empty_kg[place:]))
     change_kg = after_kg - before_kg
     scatter_kg = max(
-        STD_OF_MAD * float(np.median(np.abs(_subtract_medians(empty_kg, place)))),
+        STD_OF_MAD * float(np.median(np.abs(_subtract_median_of_each_side(empty_kg, place)))),
         float(np.median(1.0 / np.sqrt(total[light]))),
     )
     is_after = np.abs(empty_kg - after_kg) < np.abs(empty_kg - before_kg)
@@ -91,7 +91,7 @@ def find_empty_mass_step(
         return None
     certain_before_and_after = (
         int(np.flatnonzero(visit == light[place - 1])[-1]),
-        int(begins[light[place]]),
+        int(starts[light[place]]),
     )
     tolerance_kg = LIMITS.empty_drift_min_std * np.hypot(scatter_kg, std_kg)
     first_manoeuvre_after = _find_first_manoeuvre_after_step(
@@ -106,8 +106,8 @@ def find_empty_mass_step(
     )
 
 
-def _subtract_medians(empty_kg: Floats, place: int) -> Floats:
-    sides = empty_kg[:place], empty_kg[place:]
+def _subtract_median_of_each_side(empty_kg: Floats, step_index: int) -> Floats:
+    sides = empty_kg[:step_index], empty_kg[step_index:]
     return np.concatenate([side - np.median(side) for side in sides])
 
 

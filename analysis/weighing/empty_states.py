@@ -30,11 +30,11 @@ def find_empty_states(
         return []
     if settings.empty_from_s is not None and settings.empty_to_s is not None:
         first, last = settings.empty_from_s * 1e9, settings.empty_to_s * 1e9
-        shared = [min(last, end) - max(first, begin) for begin, end in state_spans_ns]
+        shared = [min(last, end) - max(first, start) for start, end in state_spans_ns]
         inside = [
             state
-            for state, (begin, end) in enumerate(state_spans_ns)
-            if 2 * shared[state] > end - begin
+            for state, (start, end) in enumerate(state_spans_ns)
+            if 2 * shared[state] > end - start
         ]
         most = int(np.argmax(shared))
         return inside or ([most] if shared[most] > 0 else [])
@@ -68,8 +68,8 @@ def find_return_states(masses_kg: Floats, state_of_manoeuvre: Ints) -> list[int]
         masses_kg: (states,) mass of each state.
         state_of_manoeuvre: (manoeuvres,) load state of each manoeuvre, in order of time.
     """
-    begins = np.flatnonzero(np.append(True, np.diff(state_of_manoeuvre) != 0))
-    visited = state_of_manoeuvre[begins]
+    starts = np.flatnonzero(np.append(True, np.diff(state_of_manoeuvre) != 0))
+    visited = state_of_manoeuvre[starts]
     light = mark_local_mass_minima(masses_kg[visited])
     returns_kg, others_kg = masses_kg[visited[light]], masses_kg[visited[~light]]
     if returns_kg.size < LIMITS.returns_min or not others_kg.size:

@@ -41,7 +41,7 @@ from estimators.joint.unit_levels import UnitLevels, estimate_unit_levels
 
 @dataclass(frozen=True, slots=True)
 class _MassFrictionAndSlip:
-    """Mass, friction and wheel slip of an earlier round, which give the cost of slip.
+    """Mass, friction and wheel slip of an earlier iteration, which give the cost of slip.
 
     Attributes:
         mass_kg: accelerated mass, mean of the loads.
@@ -77,7 +77,7 @@ class FitTask:
 
     @cached_property
     def initial_estimates(self) -> PreviousEstimates:
-        """Estimates before the first round."""
+        """Estimates before the first iteration."""
         return PreviousEstimates(
             slip_1_N=(self._estimate_slip_and_std_by_wheels() or (0.0, 0.0))[0],
             motion_gain=self._estimate_squat_gain_correction(),
@@ -91,9 +91,9 @@ class FitTask:
     def fit_over_sample_means(
         self,
         samples_per_mean: int,
-        rounds: int,
+        iterations: int,
         *,
-        advance_force: bool = True,
+        is_force_advanced: bool = True,
         initial_fit: JointFit | None = None,
         fit_rows: FitRows | None = None,
     ) -> JointFit:
@@ -104,10 +104,10 @@ class FitTask:
 
         Args:
             samples_per_mean: samples in the longest mean.
-            rounds: maximum number of rounds.
-            advance_force: whether the force is advanced by its delay.
+            iterations: maximum number of iterations.
+            is_force_advanced: whether the force is advanced by its delay.
             initial_fit: fit to start from; None starts from `initial_estimates`.
-            fit_rows: rows of the first round, if already computed.
+            fit_rows: rows of the first iteration, if already computed.
         """
         lag = find_term_index("lag", self.terms)
         std = np.zeros(len(self.terms))
@@ -117,13 +117,13 @@ class FitTask:
             else self.states.assign_random_intercepts_to_stretches(self.motion)
         )
         known = initial_fit.previous_estimates if initial_fit else self.initial_estimates
-        known = known if advance_force else replace(known, force_delay_s=0.0)
+        known = known if is_force_advanced else replace(known, force_delay_s=0.0)
         solution, mean, known_s = None, std, 0.0
         cost = initial_fit and self._compute_mass_friction_and_slip(
             initial_fit.theta, initial_fit.solution, initial_fit.terms
         )
-        for number in range(rounds):
-            mean, std = self._make_prior_means_and_stds_of_round(cost)
+        for number in range(iterations):
+            mean, std = self._make_prior_means_and_stds_of_iteration(cost)
             self._exclude_gain_drift_in_place_if_loads_recur(std)
             known_s = known.force_delay_s
             mean[lag] -= known_s
@@ -148,7 +148,7 @@ class FitTask:
             if cost.slip_1_N is not None and self._estimate_slip_and_std_by_wheels() is None:
                 known = replace(known, slip_1_N=cost.slip_1_N[0])
             known, moved = self._update_estimates_and_get_lag_change_s(
-                known, solution.theta, advance_force=advance_force
+                known, solution.theta, is_force_advanced=is_force_advanced
             )
             if number and moved < LIMITS.lag_tolerance_s:
                 break
@@ -156,7 +156,7 @@ class FitTask:
         theta = solution.theta.copy()
         # the terms follow masses and friction
         first = theta.size - len(self.terms)
-        if advance_force:
+        if is_force_advanced:
             theta[first + lag] = known.force_delay_s
         return JointFit(
             self.terms,
@@ -169,7 +169,7 @@ class FitTask:
             self.motion,
             np.zeros(first - 1),
             known,
-            advance_force,
+            is_force_advanced,
             self._make_prior_means(mean, known_s),
         )
 
@@ -203,9 +203,9 @@ class FitTask:
         )
 
     def _update_estimates_and_get_lag_change_s(
-        self, previous_estimates: PreviousEstimates, theta: Floats, *, advance_force: bool
+        self, previous_estimates: PreviousEstimates, theta: Floats, *, is_force_advanced: bool
     ) -> tuple[PreviousEstimates, float]:
-        """Update the estimates after a round; also return the absolute change of the lag in s."""
+        """Update the estimates after an iteration; also return the lag's absolute change in s."""
         masses = theta.size - 1 - len(self.terms)
         names = (term.name for term in self.terms)
         by_name = dict(zip(names, theta[masses + 1 :].tolist(), strict=True))
@@ -216,7 +216,7 @@ class FitTask:
         width = compute_constant_force_prior_std_of_motion_newtons(self.motion, self.priors)
         after = replace(
             previous_estimates,
-            force_delay_s=force_delay_s if advance_force else 0.0,
+            force_delay_s=force_delay_s if is_force_advanced else 0.0,
             load_transfer_s2_m=by_name.get("load_transfer", 0.0),
             offset_N=float(
                 np.clip(
@@ -234,7 +234,7 @@ class FitTask:
 
     def estimate_manoeuvre_masses(self, fit: JointFit, fit_rows: FitRows) -> UnitLevels:
         """Mass of each manoeuvre by itself, given the shared parameters of a fit."""
-        mean, std = self._make_prior_means_and_stds_of_round(
+        mean, std = self._make_prior_means_and_stds_of_iteration(
             self._compute_mass_friction_and_slip(fit.theta, fit.solution, fit.terms)
         )
         if 1 < self.motion.separate_drive_count < LIMITS.drift_min_drives:
@@ -258,45 +258,47 @@ class FitTask:
     def _estimate_speed_delay_s(self) -> float:
         """Delay of the speed in s, if wheels and accelerometer determine it."""
         wheels = self.kinematics
-        told = wheels is not None and wheels.is_consistent and self.motion.by_accelerometer
-        return wheels.delay_s[0] if wheels is not None and told else 0.0
+        is_delay_known = (
+            wheels is not None and wheels.is_consistent and self.motion.by_accelerometer
+        )
+        return wheels.delay_s[0] if wheels is not None and is_delay_known else 0.0
 
     def _estimate_squat_gain_correction(self) -> float:
         """Relative correction of the acceleration for a squat that the pitch measures."""
-        told = self.kinematics is not None and self.motion.by_accelerometer
-        return -self.kinematics.squat[0] if self.kinematics is not None and told else 0.0
+        is_squat_known = self.kinematics is not None and self.motion.by_accelerometer
+        return -self.kinematics.squat[0] if self.kinematics is not None and is_squat_known else 0.0
 
     def _get_body_swing_in_accelerometer(self) -> BodySwing:
         """Effect of a swinging body on the accelerometer, if the wheels show it."""
-        told = self.kinematics is not None and self.motion.by_accelerometer
-        return self.kinematics.swing if self.kinematics is not None and told else NO_SWING
+        is_swing_known = self.kinematics is not None and self.motion.by_accelerometer
+        return self.kinematics.swing if self.kinematics is not None and is_swing_known else NO_SWING
 
-    def _make_prior_means_and_stds_of_round(
-        self, mass_friction_slip: _MassFrictionAndSlip | None
+    def _make_prior_means_and_stds_of_iteration(
+        self, previous_mass_friction_slip: _MassFrictionAndSlip | None
     ) -> tuple[Floats, Floats]:
-        """Prior means and standard deviations of a round, (terms,); slip's if its cost is known."""
+        """Prior means and standard deviations, (terms,); of slip only if its cost is known."""
         std = np.array([term.compute_prior_std(self.motion, self.priors) for term in self.terms])
         mean = np.zeros(len(self.terms))
-        if mass_friction_slip is not None:
-            self._set_slip_prior_by_wheels_in_place(mass_friction_slip, mean, std)
+        if previous_mass_friction_slip is not None:
+            self._set_slip_prior_by_wheels_in_place(previous_mass_friction_slip, mean, std)
             if self.motion.wheel_acceleration is not None:
                 at = find_term_index("slip_acceleration", self.terms)
                 self._set_prior_proportional_to_slip_in_place(
                     at,
-                    mass_friction_slip.mass_kg,
+                    previous_mass_friction_slip.mass_kg,
                     self._estimate_slip_and_std_by_wheels(),
                     mean,
                     std,
                 )
-                self._set_prior_of_slip_by_load_in_place(mass_friction_slip, mean, std)
-        for place, term in self._indices_of_learnt_terms():
+                self._set_prior_of_slip_by_load_in_place(previous_mass_friction_slip, mean, std)
+        for place, term in self._list_indexed_learnt_terms():
             mean[place], std[place] = term.mean, term.std
         return mean, std
 
     def _compute_mass_friction_and_slip(
         self, theta: Floats, estimates: Solution, terms: tuple[Nuisance, ...]
     ) -> _MassFrictionAndSlip:
-        """Cost of slip, computed from the estimates of a round."""
+        """Mass, friction and slip by the estimates of an iteration."""
         count = theta.size - 1 - len(terms)
         mass_kg = float(np.mean(theta[:count]))
         friction = max(compute_resistance_slope_at_mean_speed(theta, terms, self.motion), 0.0)
@@ -319,8 +321,8 @@ class FitTask:
         if self.states is not None and self.states.load_returns:
             prior_std[find_term_index("gain_drift", self.terms)] *= LIMITS.left_out_prior_ratio
 
-    def _indices_of_learnt_terms(self) -> list[tuple[int, LearntTerm]]:
-        """Indices of the terms with learnt priors, except slip if the wheels determine it."""
+    def _list_indexed_learnt_terms(self) -> list[tuple[int, LearntTerm]]:
+        """Terms with learnt priors and their indices, except slip if the wheels determine it."""
         learnt: dict[str, LearntTerm] = {**self.priors.learnt}
         by_wheels = self.kinematics is not None and self.kinematics.is_consistent
         return [
@@ -330,10 +332,10 @@ class FitTask:
         ]
 
     def _make_prior_means(self, prior_mean: Floats, advanced_s: float) -> PriorMeans:
-        """Prior means of a round whose force was advanced by a delay in s."""
+        """Prior means of an iteration whose force was advanced by a delay in s."""
         prior_mean, mean_u = prior_mean.copy(), np.zeros(len(self.terms))
         prior_mean[find_term_index("lag", self.terms)] += advanced_s
-        for place, term in self._indices_of_learnt_terms():
+        for place, term in self._list_indexed_learnt_terms():
             mean_u[place] = term.mean_u
         return PriorMeans(prior_mean, mean_u)
 

@@ -69,10 +69,10 @@ def mark_slow_parts_of_drives(speed: Floats, stop_count_of_sample: Ints) -> Bool
     first = paced[np.flatnonzero(np.diff(pace[paced], prepend=0))]
     slow = np.zeros(speed.size, np.bool_)
     drives_on = False
-    for begin, end in pairwise(first[1:]):
-        if pace[begin] < 0:
-            slow[begin : paced[np.searchsorted(paced, end) - 1] + 1] = True
-            drives_on |= stop_count_of_sample[begin - 1] == stop_count_of_sample[end]
+    for start, end in pairwise(first[1:]):
+        if pace[start] < 0:
+            slow[start : paced[np.searchsorted(paced, end) - 1] + 1] = True
+            drives_on |= stop_count_of_sample[start - 1] == stop_count_of_sample[end]
     return slow & drives_on
 
 
@@ -102,14 +102,14 @@ def assign_fitted_manoeuvre_numbers(
     moving_threshold_m_s: float,
     noise_m_s: float,
     *,
-    braking: bool,
+    includes_braking: bool,
 ) -> Ints:
     """Number of the manoeuvre of each sample that may be fitted, (n,); -1 elsewhere.
 
     It must be straight driving in a manoeuvre with an accepted window.
     """
     settings = machine.settings
-    without = settings.gate.exclude_braking or not braking
+    without = settings.gate.exclude_braking or not includes_braking
     accepted = mark_samples_for_pooling(excitation, gated, settings)
     manoeuvre_of_sample = assign_manoeuvre_numbers_to_samples(excitation, settings)
     informative = np.unique(manoeuvre_of_sample[accepted & (manoeuvre_of_sample >= 0)])
@@ -189,33 +189,39 @@ def extend_manoeuvres_to_break_away(
     manoeuvre_of_sample: Ints,
     speed: Floats,
     moving_threshold_m_s: float,
-    max_rows: int,
-    phase_start: int,
+    max_extension_rows: int,
+    skipped_rows: int,
 ) -> Ints:
-    """Extend manoeuvres, (n,), back to where their speed leaves the noise, before their phase."""
+    """Extend manoeuvres, (n,), backwards by at most `max_extension_rows` to the start of motion.
+
+    Motion starts where the speed leaves the noise; the first `skipped_rows` rows of each extended
+    manoeuvre stay -1.
+    """
     smooth = np.abs(average_three_speed_samples(speed)) > moving_threshold_m_s
     grown = manoeuvre_of_sample.copy()
-    for begin in np.flatnonzero(mark_stretch_starts(manoeuvre_of_sample)):
-        first = int(begin)
+    for start in np.flatnonzero(mark_stretch_starts(manoeuvre_of_sample)):
+        first = int(start)
         while (
             first > 0
-            and begin - first < max_rows
+            and start - first < max_extension_rows
             and smooth[first - 1]
             and manoeuvre_of_sample[first - 1] < 0
         ):
             first -= 1
-        if first < begin:
-            grown[first:begin] = manoeuvre_of_sample[begin]
-            grown[first : first + phase_start] = -1
+        if first < start:
+            grown[first:start] = manoeuvre_of_sample[start]
+            grown[first : first + skipped_rows] = -1
     return grown
 
 
-def assign_one_way_run_numbers(manoeuvre_of_sample: Ints, speed: Floats, has_reversal: int) -> Ints:
+def assign_one_way_run_numbers(
+    manoeuvre_of_sample: Ints, speed: Floats, reversal_margin_rows: int
+) -> Ints:
     """Number the runs in one direction, (n,), -1 elsewhere: friction reverses with the motion."""
     used = manoeuvre_of_sample >= 0
     forwards = average_three_speed_samples(speed) > 0.0
     turns = np.append(False, (forwards[1:] != forwards[:-1]) & used[1:] & used[:-1])
-    near = flag_rows_near_flagged_rows(turns, has_reversal, has_reversal + 1)
+    near = flag_rows_near_flagged_rows(turns, reversal_margin_rows, reversal_margin_rows + 1)
     manoeuvre_of_sample = np.where(used & ~near, 2 * manoeuvre_of_sample + forwards, -1)
     return np.where(
         manoeuvre_of_sample >= 0, np.cumsum(mark_stretch_starts(manoeuvre_of_sample)) - 1, -1

@@ -126,7 +126,7 @@ def estimate_force_gain_by_driving_direction(
         fit.kinematics,
         None,
         fit.previous_estimates.ground_variance_ratio_1_s,
-    ).fit_over_sample_means(fit.samples_per_mean, 2, advance_force=fit.is_force_advanced_by_lag)
+    ).fit_over_sample_means(fit.samples_per_mean, 2, is_force_advanced=fit.is_force_advanced_by_lag)
     found = compute_reverse_to_forward_gain(one, fit)
     if not found.is_significant:
         return None

@@ -221,7 +221,7 @@ def find_manoeuvres_with_growing_load(
         return ()  # the fit determines nothing
     slopes = np.array(
         [
-            fit_mass_growth_and_information_to_residual(rows.A[part], left[part], tied)
+            fit_mass_growth_to_residual_with_information(rows.A[part], left[part], tied)
             for part in compress(parts, told)
         ]
     )
@@ -364,7 +364,7 @@ def compute_residual_force_newtons(
     )
 
 
-def fit_mass_growth_and_information_to_residual(
+def fit_mass_growth_to_residual_with_information(
     A: Floats, residual: Floats, std_ratios: Floats
 ) -> tuple[float, float]:
     """Regress a residual on a mass that grows linearly; return the slope and its information.

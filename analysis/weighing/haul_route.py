@@ -241,9 +241,9 @@ def mark_loaded_manoeuvres(is_loading_stand: Bools, is_unloading_stand: Bools) -
     last_on = np.maximum.accumulate(np.where(is_loading_stand, stand, 0))
     last_off = np.maximum.accumulate(np.where(is_unloading_stand, stand, 0))
     # before the first stop of either kind the machine is loaded if that stop unloads it
-    begins = bool(is_unloading_stand[np.argmax(is_loading_stand | is_unloading_stand)])
+    starts = bool(is_unloading_stand[np.argmax(is_loading_stand | is_unloading_stand)])
     none_yet = np.maximum(last_on, last_off) == 0
-    return np.append(begins, np.where(none_yet, begins, last_on > last_off))
+    return np.append(starts, np.where(none_yet, starts, last_on > last_off))
 
 
 def _have_load_changes_strong_evidence(change_kinds: Ints) -> bool:

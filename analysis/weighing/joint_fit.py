@@ -165,7 +165,7 @@ def fit_delayed_or_low_passed_force(task: FitTask, samples_per_mean: int) -> Joi
     moved = task.fit_over_sample_means(samples_per_mean, LIMITS.lag_rounds)
     if abs(moved.force_delay_s) < LIMITS.short_lag_s:
         return moved
-    filtered = task.fit_over_sample_means(samples_per_mean, 2, advance_force=False)
+    filtered = task.fit_over_sample_means(samples_per_mean, 2, is_force_advanced=False)
     filters = filtered.solution.residual_rms < moved.solution.residual_rms
     chosen, other = (filtered, moved) if filters else (moved, filtered)
     if not chosen.posterior_fit.misfit.any():
@@ -262,7 +262,7 @@ def refit_with_extra_terms(
     fitted = task.fit_over_sample_means(
         earlier_fit.samples_per_mean,
         rounds,
-        advance_force=earlier_fit.is_force_advanced_by_lag,
+        is_force_advanced=earlier_fit.is_force_advanced_by_lag,
         initial_fit=earlier_fit,
         fit_rows=fit_rows,
     )

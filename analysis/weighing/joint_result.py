@@ -229,7 +229,7 @@ class JointFit:
         fit, responses = self.posterior_fit, self.motion_responses
         summed = np.flatnonzero(wide)
 
-        def weighted_std(covariance: Floats) -> float:
+        def compute_weighted_std(covariance: Floats) -> float:
             if summed.size > LIMITS.covariance_masses:
                 return float(np.sqrt(max(float(wide @ (covariance @ wide)), 0.0)))
             own = covariance[np.ix_(summed, summed)]
@@ -237,13 +237,13 @@ class JointFit:
 
         mass_kg = float(coefficients @ self.masses_kg)
         parts = {
-            "noise": weighted_std(fit.noise),
+            "noise": compute_weighted_std(fit.noise),
             **{
                 term.name: abs(float(fit.responses[self.mass_count + 1 + i] @ wide))
                 for i, term in enumerate(self.terms)
             },
             "channel_noise": abs(float(fit.doubt @ wide)),
-            "scatter": weighted_std(fit.scatter),
+            "scatter": compute_weighted_std(fit.scatter),
             "other_reading": 0.0
             if self.states is None
             else self.states.compute_mass_sum_std_by_alternative_partition_kg(coefficients),
@@ -255,7 +255,7 @@ class JointFit:
                 self._compute_mass_sum_u_by_load_dependent_gain_kg(coefficients),
                 0.0 if responses is None else float(coefficients @ responses.swing_kg),
             ),
-            "misfit": weighted_std(fit.misfit) if fit.has_common_misfit else 0.0,
+            "misfit": compute_weighted_std(fit.misfit) if fit.has_common_misfit else 0.0,
             "lag_shape": abs(float(self.lag_shape_kg @ coefficients)) / 2.0,
             "averaging": abs(self.averaging_share * mass_kg),
         }

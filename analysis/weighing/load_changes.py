@@ -48,8 +48,8 @@ def find_manoeuvre_of_stretches(motion: MotionSamples) -> Ints:
     first, last = (np.flatnonzero(f(group)) for f in (mark_stretch_starts, mark_stretch_ends))
     for short in np.flatnonzero(~tells & (before >= 0) & (after < number.size)):
         left, here, right = (of == each for each in (before[short], short, after[short]))
-        begin, end = first[here][0], last[here][-1]
-        sooner, later = (last[left][-1], begin), (end, first[right][0])
+        start, end = first[here][0], last[here][-1]
+        sooner, later = (last[left][-1], start), (end, first[right][0])
         at_begin, at_end = (classify_load_change(motion, *span, *span) for span in (sooner, later))
         if at_begin > 1 and at_end == 1:
             goes[short] = after[short]
@@ -103,33 +103,33 @@ def classify_load_change_evidence(motion: MotionSamples) -> Ints:
 
 
 def classify_load_change(
-    motion: MotionSamples, end_row: int, begin_row: int, boom_begin_row: int, boom_end_row: int
+    motion: MotionSamples, end_row: int, start_row: int, boom_begin_row: int, boom_end_row: int
 ) -> int:
     """Kind of evidence for a load change between two manoeuvres.
 
     Args:
         motion: samples, with arm angles and digging.
         end_row: last sample of the first manoeuvre.
-        begin_row: first sample of the second one.
+        start_row: first sample of the second one.
         boom_begin_row: first sample at which boom and bucket are examined.
         boom_end_row: end of these samples.
     """
-    if motion.is_digging is not None and motion.is_digging[end_row : begin_row + 1].any():
+    if motion.is_digging is not None and motion.is_digging[end_row : start_row + 1].any():
         return FILLED
-    if motion.empty is not None and motion.empty[end_row] != motion.empty[begin_row]:
+    if motion.empty is not None and motion.empty[end_row] != motion.empty[start_row]:
         return NAMED
     if motion.empty is not None and motion.empty[end_row]:
         return 0
     if (
         motion.earlier_stop_count is not None
-        and motion.earlier_stop_count[end_row] == motion.earlier_stop_count[begin_row]
+        and motion.earlier_stop_count[end_row] == motion.earlier_stop_count[start_row]
     ):
         return 0
     span = slice(boom_begin_row, boom_end_row + 1)
     arms = motion.boom_and_bucket_angles_rad
     if any(compute_finite_range(arm[span]) > LIMITS.arm_movement_rad for arm in arms):
         away_rad = [
-            np.abs(arm[boom_begin_row : begin_row + 1] - usual_rad)
+            np.abs(arm[boom_begin_row : start_row + 1] - usual_rad)
             for arm, usual_rad in zip(arms, find_usual_arm_angles_rad(motion), strict=True)
         ]
         arrival = end_row - boom_begin_row
@@ -141,7 +141,7 @@ def classify_load_change(
         return DUMPED if is_extended else HINTED
     silent = (
         motion.long_gap_count is not None
-        and motion.long_gap_count[end_row] != motion.long_gap_count[begin_row]
+        and motion.long_gap_count[end_row] != motion.long_gap_count[start_row]
     )
     return RESTARTED if silent else 1
 

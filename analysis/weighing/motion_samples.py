@@ -165,8 +165,8 @@ class MotionSamples:
         reach = math.ceil(LIMITS.piece_margin_s * self.rate_hz)
         found: list[MotionSamples] = []
         for stretches in np.split(np.arange(len(spans)), whole):
-            begin, end = int(spans[stretches[0], 0]), int(spans[stretches[-1], 1])
-            piece = self._select_samples(slice(max(begin - reach, 0), end + reach))
+            start, end = int(spans[stretches[0], 0]), int(spans[stretches[-1], 1])
+            piece = self._select_samples(slice(max(start - reach, 0), end + reach))
             stretch = piece.stretch_of_sample
             own = (stretch >= stretches[0]) & (stretch <= stretches[-1])
             found.append(replace(piece, stretch_of_sample=np.where(own, stretch, -1)))
@@ -275,7 +275,7 @@ def collect_motion_samples(
     noise: ColumnNoiseModel,
     stop_count_of_sample: Ints,
     *,
-    braking: bool = True,
+    includes_braking: bool = True,
 ) -> MotionSamples:
     """Collect the samples of the manoeuvres that the gate found informative.
 
@@ -286,7 +286,7 @@ def collect_motion_samples(
         machine: machine file with wheels and settings.
         noise: noise of the columns.
         stop_count_of_sample: number of earlier stops, the only places where a load changes.
-        braking: whether to fit braking too, if the settings count it as driving.
+        includes_braking: whether to fit braking too, if the settings count it as driving.
     """
     settings = machine.settings
     speed = get_column_values(aligned, "speed_x_m_s")
@@ -300,7 +300,7 @@ def collect_motion_samples(
     moves_m_s = max(noise_m_s, LIMITS.moving_speed_m_s)
     smoothed_m_s = float(np.sqrt(noise.compute_covariance_of_means(settings.smooth.samples)[1, 1]))
     group = assign_fitted_manoeuvre_numbers(
-        excitation, gated, machine, moves_m_s, smoothed_m_s, braking=braking
+        excitation, gated, machine, moves_m_s, smoothed_m_s, includes_braking=includes_braking
     )
     filtered = any(channel.is_derivative for channel in machine.channels.values())
     mixed = LIMITS.mixed_friction_filtered_samples if filtered else LIMITS.mixed_friction_samples

@@ -127,15 +127,15 @@ def add_gravity_by_position_to_mass_column(
 
 
 def _solve_ridge_regression(
-    columns: Floats, force: Floats, is_unpenalised: Floats
+    columns: Floats, force: Floats, prior_stds: Floats
 ) -> tuple[Floats, Floats]:
     """Solution and residual of a ridge regression.
 
-    `is_unpenalised` are the prior standard deviations of the coefficients of scaled columns.
+    `prior_stds` are the prior standard deviations of the coefficients of scaled columns.
     """
     size = np.sqrt(np.mean(columns**2, axis=0))
     size[size == 0.0] = 1.0
     scaled = columns / size
-    normal = scaled.T @ scaled + np.diag(is_unpenalised**-2.0)
+    normal = scaled.T @ scaled + np.diag(prior_stds**-2.0)
     found = np.linalg.solve(normal, scaled.T @ force)
     return found / size, force - scaled @ found

@@ -174,11 +174,11 @@ def compute_relative_random_walk_std(length_m: float) -> float:
 
 def _make_route_term(route_part: int) -> Nuisance:
     """Term of the change of rolling resistance along one part of the route."""
-    begin, end = route_part / LIMITS.route_parts, (route_part + 1) / LIMITS.route_parts
+    start, end = route_part / LIMITS.route_parts, (route_part + 1) / LIMITS.route_parts
 
     def make_route_column(m: ColumnInputs) -> Floats:
         ratio = compute_relative_random_walk_std(m.route_length_m / LIMITS.route_parts)
-        return evaluate_scaled_ramp(m.direction_times_relative_weight, m.route_1, begin, end, ratio)
+        return evaluate_scaled_ramp(m.direction_times_relative_weight, m.route_1, start, end, ratio)
 
     return Nuisance(
         f"ground_route_{route_part + 1}_of_{LIMITS.route_parts}",

@@ -217,11 +217,11 @@ class _MotionSource:
     stops: Ints
     slow: Bools | None = None
 
-    def select_motion(self, *, braking: bool) -> MotionSamples:
+    def select_motion(self, *, includes_braking: bool) -> MotionSamples:
         """Motion with or without braking, where braking counts as driving."""
-        frames = self.aligned, self.excitation, self.gated
+        data = self.aligned, self.excitation, self.gated, self.machine, self.noise
         stops = self.stops if self.slow is None else self.stops + count_runs_so_far(self.slow)
-        found = collect_motion_samples(*frames, self.machine, self.noise, stops, braking=braking)
+        found = collect_motion_samples(*data, stops, includes_braking=includes_braking)
         return align_paths_of_bench_records(
             found if self.slow is None else found.exclude_samples(self.slow)
         )
@@ -245,12 +245,12 @@ def _weigh_with_priors(
     stops = count_standstills_so_far(excitation)
     source = _MotionSource(aligned, excitation, gated, machine, columns, stops)
 
-    def fit_load_states(motion: MotionSamples, begin: JointFit | None = None) -> JointFit:
-        fitted = JointFitInputs.prepare_from_motion(motion, columns, priors, begin)
+    def fit_load_states(motion: MotionSamples, start: JointFit | None = None) -> JointFit:
+        fitted = JointFitInputs.prepare_from_motion(motion, columns, priors, start)
         states = (
             None
-            if begin is None or begin.states is None
-            else begin.states.reassign_to_manoeuvres_of_motion(motion)
+            if start is None or start.states is None
+            else start.states.reassign_to_manoeuvres_of_motion(motion)
         )
         return fit_with_searched_load_states(
             fit_jointly(fitted, states), fitted, machine.machine.repeatability_kg
@@ -277,7 +277,7 @@ def _weigh_with_priors(
         grown = tuple(better.get(each.manoeuvre_id, each) for each in grown)
     braking_kg, left_out = float("nan"), False
     if not settings.gate.exclude_braking:
-        driving = _exclude_manoeuvres(source.select_motion(braking=False), excluded)
+        driving = _exclude_manoeuvres(source.select_motion(includes_braking=False), excluded)
         if _has_enough_samples(driving):
             fitted = JointFitInputs.prepare_from_motion(driving, columns, priors, fit)
             alone = fit_jointly(
@@ -345,14 +345,14 @@ def _fit_and_choose_where_loads_change(
     source: _MotionSource, fit_load_states: Callable[[MotionSamples], JointFit]
 ) -> tuple[_MotionSource, MotionSamples, JointFit] | None:
     """Fit the motion, with loads that change on the move if that excludes a single load."""
-    whole = source.select_motion(braking=True)
+    whole = source.select_motion(includes_braking=True)
     if not _has_enough_samples(whole):
         return None
     fit = fit_load_states(whole)
     is_one = fit.mass_count == 1 and not whole.has_single_load
     if is_one and (slow := mark_slow_parts_of_drives(whole.speed, source.stops)).any():
         on_the_move = replace(source, slow=slow)
-        moving = on_the_move.select_motion(braking=True)
+        moving = on_the_move.select_motion(includes_braking=True)
         if _has_enough_samples(moving):
             tried = fit_load_states(moving)
             if is_single_load_excluded(tried, LOAD_LIMITS.on_the_move_max_single_probability):

@@ -71,7 +71,7 @@ def compare_wheels_with_accelerometer(
     Returns:
         The comparison; None without an accelerometer or without a long enough stretch.
     """
-    found = compare_wheels_with_or_without_gravity(motion, noise, priors, earlier_kinematics)
+    found = compare_wheels_and_choose_gravity_removal(motion, noise, priors, earlier_kinematics)
     if found is None or not found.squat[0] > 0.0 or motion.specific_force is None:
         return found
     level = motion.without_gravity
@@ -80,7 +80,7 @@ def compare_wheels_with_accelerometer(
     swing = None if springs is None else estimate_body_swing(measured, motion, springs)
     if swing is None:
         return replace(found, springs=springs)
-    still = compare_wheels_with_or_without_gravity(
+    still = compare_wheels_and_choose_gravity_removal(
         subtract_swing_from_accelerometer(motion, swing), noise, priors, earlier_kinematics
     )
     if still is None:
@@ -89,7 +89,7 @@ def compare_wheels_with_accelerometer(
     return replace(still, swing=swing, springs=springs)
 
 
-def compare_wheels_with_or_without_gravity(
+def compare_wheels_and_choose_gravity_removal(
     motion: MotionSamples,
     noise: ColumnNoiseModel,
     priors: PriorSettings,
@@ -191,15 +191,23 @@ def _fit_wheel_comparison(
     """Fit the comparison, starting from an earlier one if there is one."""
     slip_std = priors.wheel_slip / motion.force_95_percentile_newtons
 
-    def prior_stds(gain_std: float, slip_1_N: float, slip_std: float = slip_std) -> Floats:
+    def make_prior_stds(gain_std: float, slip_1_N: float, slip_std: float = slip_std) -> Floats:
         offset = slip_1_N * compute_constant_force_prior_std_of_motion_newtons(motion, priors)
         return np.array([gain_std, slip_std, priors.speed_delay_s, offset])
 
     def solve_rows(
-        rows: ComparisonRows, std: Floats, delay_s: float, taken: Floats | None, loss: Floats | None
+        rows: ComparisonRows,
+        prior_stds: Floats,
+        delay_s: float,
+        projected_columns: Floats | None,
+        autocovariance_loss: Floats | None,
     ) -> prior_fit.PriorSolution | prior_fit.UndeterminedFit:
-        told = Grouping(shortest=10 * MEAN // EVERY, taken=taken, loss=loss)
-        return prior_fit.solve_with_priors(*rows, np.array([0.0, 0.0, -delay_s, 0.0]), std, told)
+        grouping = Grouping(
+            shortest=10 * MEAN // EVERY, taken=projected_columns, loss=autocovariance_loss
+        )
+        return prior_fit.solve_with_priors(
+            *rows, np.array([0.0, 0.0, -delay_s, 0.0]), prior_stds, grouping
+        )
 
     largest = LIMITS.max_slip_fraction / motion.force_95_percentile_newtons
     delay_s, slip_1_N, about = 0.0, 0.0, slip_std
@@ -215,7 +223,7 @@ def _fit_wheel_comparison(
     if earlier_kinematics is not None:
         lines = make_constant_and_slope_of_each_stretch(rows[2])
         loss = compute_autocovariance_loss(rows[2], lines)
-    wide = solve_rows(rows, prior_stds(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
+    wide = solve_rows(rows, make_prior_stds(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
     for number in range(LIMITS.slip_passes):
         late_s, slips_1_N = float(wide.theta[2]), float(wide.theta[1])
         if not np.isfinite([late_s, slips_1_N]).all():
@@ -241,7 +249,9 @@ def _fit_wheel_comparison(
         if lines is None and number == LIMITS.slip_passes - 1:
             lines = make_constant_and_slope_of_each_stretch(rows[2])
             loss = compute_autocovariance_loss(rows[2], lines)
-        wide = solve_rows(rows, prior_stds(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
+        wide = solve_rows(
+            rows, make_prior_stds(LIMITS.gain_search_std_1, about), delay_s, lines, loss
+        )
     # a speed without noise is known to its last digit
     rounding_m_s = np.finfo(np.float64).eps * motion.speed_95_percentile_m_s
     noise_m_s = max(float(np.sqrt(noise.compute_covariance_of_means(MEAN)[1, 1])), rounding_m_s)
@@ -249,12 +259,12 @@ def _fit_wheel_comparison(
     least_1 = LIMITS.gain_min_std * estimate_gain_that_noise_mimics(
         rows,
         noise,
-        prior_stds(LIMITS.gain_search_std_1, about) / max(free.residual_rms, rounding_m_s),
+        make_prior_stds(LIMITS.gain_search_std_1, about) / max(free.residual_rms, rounding_m_s),
         1.0 / motion.rate_hz,
     )
     if free.theta[1] < -LIMITS.negative_slip_std * free.parameter_stds[1]:
         narrow_std = slip_std * LIMITS.negative_slip_prior_ratio
-        stiff = prior_stds(LIMITS.gain_search_std_1, about, narrow_std)
+        stiff = make_prior_stds(LIMITS.gain_search_std_1, about, narrow_std)
         rolling = solve_rows(rows, stiff, delay_s, lines, loss).fit
         if rolling.theta[0] < 0.0 and is_accelerometer_gain_significant(
             rolling, noise_m_s, least_1
@@ -262,7 +272,7 @@ def _fit_wheel_comparison(
             free, slip_std = rolling, narrow_std
     mismatch = free.residual_rms / noise_m_s
     counts = is_accelerometer_gain_significant(free, noise_m_s, least_1)
-    std = prior_stds(LIMITS.gain_search_std_1 if counts else priors.gain, about, slip_std)
+    std = make_prior_stds(LIMITS.gain_search_std_1 if counts else priors.gain, about, slip_std)
     found = free if counts else solve_rows(rows, std, delay_s, lines, loss).fit
     # few manoeuvres do not show the full effect of integrated noise
     least = compute_parameter_std_bounds_by_noise(rows, noise, std, 1.0 / motion.rate_hz)

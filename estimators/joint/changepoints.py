@@ -87,7 +87,7 @@ def find_best_partitions(
     hinted = [np.append(0, np.cumsum(unit_values.kind >= least)) for least in least_kinds if n > 1]
     by_place = list_partitions_by_place(unit_values)
     noise_alone = PartitionPosterior(unit_values, max_level_distance, 0.0, None)
-    begin = [
+    start = [
         noise_alone.estimate_shared_effects(one),
         noise_alone.estimate_shared_effects(np.arange(n)),
     ]
@@ -101,7 +101,7 @@ def find_best_partitions(
             usual_scatter_std if known_scatter_std is None else None,
         )
         tried = {each.tobytes() for each in (one, each_own, *hinted, *by_place)}
-        for effects in begin if n > 1 else []:
+        for effects in start if n > 1 else []:
             tried |= _propose_partitions(posterior, effects)
         # in an order that is the same in every process, as sums depend on it
         for key in sorted(tried):
@@ -354,22 +354,22 @@ def find_least_cost_partition(
     area = max_level_distance * max_level_distance / (2.0 * np.pi)
     # smallest and largest cost of an additional level
     least_level, most_level = math.log(weights.min() * area), math.log(w[n] * area)
-    before, begins = np.zeros(n + 1, np.int64), np.zeros(n, np.int64)
+    before, starts = np.zeros(n + 1, np.int64), np.zeros(n, np.int64)
     # cost of the best partition that ends here, with and without the change
     paid, bare = np.zeros(n), np.zeros(n)
     alive = 0
     for end in range(1, n + 1):
-        begins[alive] = end - 1
+        starts[alive] = end - 1
         alive += 1
         least = np.inf
         for k in range(alive):
-            begin = begins[k]
-            inside, sums = w[end] - w[begin], wy[end] - wy[begin]
-            bare[k] = paid[begin] + wyy[end] - wyy[begin] - sums * sums / inside
+            start = starts[k]
+            inside, sums = w[end] - w[start], wy[end] - wy[start]
+            bare[k] = paid[start] + wyy[end] - wyy[start] - sums * sums / inside
             if bare[k] + least_level < least:
                 total = bare[k] + math.log(inside * area)
                 if total < least:
-                    least, before[end] = total, begin
+                    least, before[end] = total, start
         if end == n:
             break
         paid[end] = least + change_costs[end - 1]
@@ -377,7 +377,7 @@ def find_least_cost_partition(
         kept = 0
         for k in range(alive):
             if bare[k] + least_level < paid[end] + most_level:
-                begins[kept] = begins[k]
+                starts[kept] = starts[k]
                 kept += 1
         alive = kept
     return trace_back_level_of_each_unit(before)
@@ -391,8 +391,8 @@ def trace_back_level_of_each_unit(level_start_by_end: Ints) -> Ints:
         level_start_by_end: (n + 1,) first unit of the level that ends before each unit.
     """
     end = level_start_by_end.size - 1
-    begins = np.zeros(end, np.int64)
+    starts = np.zeros(end, np.int64)
     while end > 0:
         end = level_start_by_end[end]
-        begins[end] = 1
-    return np.cumsum(begins) - 1
+        starts[end] = 1
+    return np.cumsum(starts) - 1

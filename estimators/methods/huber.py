@@ -165,14 +165,14 @@ def sum_newton_equations(
     raw = np.empty((entries, window + AT_ONCE))
     pull, full = np.empty(AT_ONCE), np.empty(AT_ONCE)
     out = np.zeros((entries, window_ends.size))
-    begins = find_begins_of_window_batches(window_ends)
-    for number in range(begins.size - 1):
-        begin: int = begins[number]
-        end: int = begins[number + 1]
-        m = end - begin
-        copy_samples_to_buffer(A, f, window_ends[begin] - window + 1, window + m - 1, z)
+    starts = find_begins_of_window_batches(window_ends)
+    for number in range(starts.size - 1):
+        start: int = starts[number]
+        end: int = starts[number + 1]
+        m = end - start
+        copy_samples_to_buffer(A, f, window_ends[start] - window + 1, window + m - 1, z)
         fill_sample_products(z, window + m - 1, raw)
-        now, bends = copy_consecutive_estimates(theta, begin, end), clipping_limit[begin:end]
+        now, bends = copy_consecutive_estimates(theta, start, end), clipping_limit[start:end]
         sums = np.zeros((entries, m))
         for s in range(window):
             fill_residuals_of_sample(z, s, now, pull)
@@ -194,7 +194,7 @@ def sum_newton_equations(
         for entry in range(entries):
             total = sums[entry]
             for k in range(m):
-                out[entry, begin + k] = total[k]
+                out[entry, start + k] = total[k]
     return out
 
 
@@ -207,14 +207,14 @@ def summarise_clipped_residuals(
     z = np.empty((p + 1, window + AT_ONCE))
     e = np.empty(AT_ONCE)
     kept, squares = np.zeros(window_ends.size), np.zeros(window_ends.size)
-    begins = find_begins_of_window_batches(window_ends)
-    for number in range(begins.size - 1):
-        begin: int = begins[number]
-        end: int = begins[number + 1]
-        m = end - begin
-        copy_samples_to_buffer(A, f, window_ends[begin] - window + 1, window + m - 1, z)
-        now, bends = copy_consecutive_estimates(theta, begin, end), clipping_limit[begin:end]
-        inside, square = kept[begin:end], squares[begin:end]
+    starts = find_begins_of_window_batches(window_ends)
+    for number in range(starts.size - 1):
+        start: int = starts[number]
+        end: int = starts[number + 1]
+        m = end - start
+        copy_samples_to_buffer(A, f, window_ends[start] - window + 1, window + m - 1, z)
+        now, bends = copy_consecutive_estimates(theta, start, end), clipping_limit[start:end]
+        inside, square = kept[start:end], squares[start:end]
         for s in range(window):
             fill_residuals_of_sample(z, s, now, e)
             for k in range(m):

@@ -292,17 +292,17 @@ def _step_exponential_rls(
     entries = len(state.products)
     if past is None:
         A, f, _ = unroll_window_to_samples(state)
-        begin = recursion.start(A, f, options)
-        R = np.diag(1.0 / np.diagonal(begin.P))
+        start = recursion.start(A, f, options)
+        R = np.diag(1.0 / np.diagonal(start.P))
         G = unpack_leading_block(state.products[:, 0], p + 1, p)
         squares = np.zeros((p + 1, p + 1))
         squares[:p, :p] = R @ invert_positive_definite(G) @ R
         past = WindowHistory(
-            pad_entries_to_lanes(pack_symmetric_matrix(recursion.initial_gram_matrix(begin))),
+            pad_entries_to_lanes(pack_symmetric_matrix(recursion.initial_gram_matrix(start))),
             pad_entries_to_lanes(pack_symmetric_matrix(squares)),
-            begin.weight,
+            start.weight,
         )
-        theta, rss, condition = begin.theta, begin.square, compute_scaled_condition(G)
+        theta, rss, condition = start.theta, start.square, compute_scaled_condition(G)
     else:
         past = _add_new_samples_to_history(state, past, new_samples, options.forgetting)
         solved = solve_packed_equations(past.products[:entries].reshape(-1, 1))
@@ -348,11 +348,11 @@ def estimate_by_rtls(
     p, entries = len(state.z) - 1, len(state.products)
     if past is None:
         A, f, _ = unroll_window_to_samples(state)
-        begin = total_recursion.start(A, f, options)
+        start = total_recursion.start(A, f, options)
         products = pad_entries_to_lanes(
-            pack_symmetric_matrix(total_recursion.rescale_gram_to_original_units(begin, options))
+            pack_symmetric_matrix(total_recursion.rescale_gram_to_original_units(start, options))
         )
-        past = WindowHistory(products, pad_entries_to_lanes(state.products[:, 0]), begin.weight)
+        past = WindowHistory(products, pad_entries_to_lanes(state.products[:, 0]), start.weight)
     else:
         past = _add_new_samples_to_history(state, past, new_samples, options.forgetting)
     products = past.products[:entries].reshape(-1, 1)

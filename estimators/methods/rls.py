@@ -251,12 +251,12 @@ def trace_with_directional_forgetting(
         # samples of the first window that are correlated with the residual j + 1 after it
         near = correlation[j + 1 :][:window]
         ahead[j] = bread @ (near @ A[first][::-1][: near.size])
-    std = directional.compute_window_stds_of_recursion(
+    std = directional.compute_recursive_estimate_stds(
         A, window, window_ends, forgetting, initial_state.P, cover, ahead, correlation
     )
     # a tapered correlation need not be positive definite: never below uncorrelated residuals
     none = np.zeros((1, p))
-    white = directional.compute_window_stds_of_recursion(
+    white = directional.compute_recursive_estimate_stds(
         A, window, window_ends, forgetting, initial_state.P, bread, none, np.ones(1)
     )
     std = np.maximum(std, white) * np.sqrt(variance)

@@ -32,25 +32,27 @@ def sum_lag_products(
     Only samples i in one of every `block_interval` blocks count.
     """
     sums = np.zeros(-(-lags // _AT_ONCE) * _AT_ONCE)
-    pairs = np.zeros(lags)
+    pair_counts = np.zeros(lags)
     n = residual.size
-    begin = 0
-    while begin < n:
-        end = begin + 1
-        while end < n and group[end] == group[begin]:
+    start = 0
+    while start < n:
+        end = start + 1
+        while end < n and group[end] == group[start]:
             end += 1
-        if group[begin] >= 0:
-            for block in range(begin // _BLOCK, (end - 1) // _BLOCK + 1):
+        if group[start] >= 0:
+            for block in range(start // _BLOCK, (end - 1) // _BLOCK + 1):
                 # by the golden ratio, blocks are spread evenly and without a period
                 if block * 40_503 % 65_536 * block_interval < 65_536:
-                    first, last = max(begin, block * _BLOCK), min(end, (block + 1) * _BLOCK)
+                    first, last = max(start, block * _BLOCK), min(end, (block + 1) * _BLOCK)
                     _add_lag_products_of_run(residual[first:end], last - first, sums)
                     for j in range(min(lags, end - first)):
-                        pairs[j] += min(last, end - j) - first
+                        pair_counts[j] += min(last, end - j) - first
                     # a group may have gaps
-                    add_lag_products_across_gap(residual, group, first, last, end, sums, pairs)
-        begin = end
-    return sums[:lags], pairs
+                    add_lag_products_across_gap(
+                        residual, group, first, last, end, sums, pair_counts
+                    )
+        start = end
+    return sums[:lags], pair_counts
 
 
 def _add_lag_products_of_run_vectorised(run: Floats, lag_count: int, sums: Floats) -> None:
@@ -91,16 +93,22 @@ def _add_lag_products_of_run(run: Floats, lag_count: int, sums: Floats) -> None:
 
 @compiled_unless_short_log
 def add_lag_products_across_gap(
-    residual: Floats, group: Ints, first: int, last: int, end: int, sums: Floats, pairs: Floats
+    residual: Floats,
+    group: Ints,
+    block_start: int,
+    block_end: int,
+    run_end: int,
+    sums: Floats,
+    pair_counts: Floats,
 ) -> None:
     """Add the pairs of a run's samples with samples of its group beyond a gap."""
-    lags = pairs.size
-    mine, reach = group[first], min(last - 1 + lags, group.size)
-    for other in range(end, reach):
+    lags = pair_counts.size
+    mine, reach = group[block_start], min(block_end - 1 + lags, group.size)
+    for other in range(run_end, reach):
         if group[other] == mine:
-            for i in range(max(first, other - lags + 1), last):
+            for i in range(max(block_start, other - lags + 1), block_end):
                 sums[other - i] += residual[i] * residual[other]
-                pairs[other - i] += 1.0
+                pair_counts[other - i] += 1.0
 
 
 def compute_autocovariance_loss(group: Ints, A: Floats | None) -> Floats:

@@ -77,15 +77,15 @@ def run_recursion_over_windows(
 
 
 @compiled_unless_short_log
-def compute_window_stds_of_recursion(
+def compute_recursive_estimate_stds(
     A: Floats,
-    window: int,
+    window_samples: int,
     window_ends: Ints,
     forgetting: float,
-    P: Floats,
+    covariance_factor: Floats,
     first_covariance: Floats,
     first_lag_covariances: Floats,
-    correlation: Floats,
+    residual_autocorrelation: Floats,
 ) -> Floats:
     """Standard deviations for residuals of variance 1, from the recursion's error equation.
 
@@ -95,18 +95,18 @@ def compute_window_stds_of_recursion(
 
     Args:
         A: (n, p) regressor.
-        window: samples in a window.
+        window_samples: samples in a window.
         window_ends: (rows,) last samples of the accepted windows.
         forgetting: λ.
-        P: (p, p) covariance factor at the end of the first window.
+        covariance_factor: (p, p) covariance factor at the end of the first window.
         first_covariance: (p, p) covariance of the first estimate.
         first_lag_covariances: (lags, p) covariance of that estimate with the following residuals.
-        correlation: (lags,) residual autocorrelation, 1 first.
+        residual_autocorrelation: (lags,) residual autocorrelation, 1 first.
     """
     rows = window_ends.size
     p = A.shape[1]
-    lags = correlation.size
-    P = P.copy()
+    lags = residual_autocorrelation.size
+    covariance_factor = covariance_factor.copy()
     S = first_covariance.copy()
     C = first_lag_covariances.copy()
     F = np.empty((p, p))
@@ -117,14 +117,14 @@ def compute_window_stds_of_recursion(
     last = window_ends[0]
     for row in range(rows):
         first = (
-            max(window_ends[row - 1] + 1, window_ends[row] - window + 1)
+            max(window_ends[row - 1] + 1, window_ends[row] - window_samples + 1)
             if row
             else window_ends[0] + 1
         )
         for k in range(first, window_ends[row] + 1):
             gap = k - last - 1
             last = k
-            gain = compute_gain_and_update_p_in_place(P, A[k], forgetting)
+            gain = compute_gain_and_update_p_in_place(covariance_factor, A[k], forgetting)
             for i in range(p):
                 for c in range(p):
                     F[i, c] = (1.0 if i == c else 0.0) - gain[i] * A[k, c]
@@ -144,7 +144,7 @@ def compute_window_stds_of_recursion(
             for j in range(lags):
                 # ascending, so that elements are read before they are overwritten
                 for i in range(p):
-                    moved[i] = gain[i] * correlation[j + 1] if j + 1 < lags else 0.0
+                    moved[i] = gain[i] * residual_autocorrelation[j + 1] if j + 1 < lags else 0.0
                     if j + 1 + gap < lags:
                         for c in range(p):
                             moved[i] += F[i, c] * C[j + 1 + gap, c]

@@ -11,8 +11,8 @@ from estimators.interpreted import compiled_with_array_form
 
 def iter_group_runs(group: Ints) -> Iterator[tuple[int, int]]:
     """Yield the first sample of each run of one group, and the sample after its last."""
-    begins = np.flatnonzero(np.diff(group)) + 1
-    bounds = [0, *begins.tolist(), group.size] if group.size else []
+    starts = np.flatnonzero(np.diff(group)) + 1
+    bounds = [0, *starts.tolist(), group.size] if group.size else []
     return pairwise(bounds)
 
 
@@ -53,19 +53,19 @@ def fill_trailing_group_means(
     # buffer of those that a mean still needs
     kept = samples + 1
     total = np.zeros((kept, p))
-    begin, at, now = 0, 0, 0
+    start, at, now = 0, 0, 0
     for k in range(n):
         if group[k] < 0:
-            begin = k + 1
+            start = k + 1
             continue
-        if k == begin or group[k] != group[k - 1]:
-            begin, now = k, 0
+        if k == start or group[k] != group[k - 1]:
+            start, now = k, 0
             total[0] = 0.0
         before, now = now, now + 1 if now + 1 < kept else 0
         for j in range(p):
             total[now, j] = total[before, j] + columns[j, k]
         if at < requested_rows.size and requested_rows[at] == k:
-            held = min(samples, k + 1 - begin)
+            held = min(samples, k + 1 - start)
             count[at] = held
             first = now - held if now >= held else now - held + kept
             for j in range(p):

@@ -47,19 +47,19 @@ def iter_sample_chunks(fed_count: Ints) -> Iterator[tuple[slice, slice, Ints]]:
     Yields:
         The samples of a chunk, the rows that end in it, and the sample of each row from its start.
     """
-    for begin in range(0, int(fed_count[-1]), CHUNK):
-        end = min(begin + CHUNK, int(fed_count[-1]))
-        rows = slice(*np.searchsorted(fed_count, [begin, end], side="right"))
-        yield slice(begin, end), rows, fed_count[rows] - 1 - begin
+    for start in range(0, int(fed_count[-1]), CHUNK):
+        end = min(start + CHUNK, int(fed_count[-1]))
+        rows = slice(*np.searchsorted(fed_count, [start, end], side="right"))
+        yield slice(start, end), rows, fed_count[rows] - 1 - start
 
 
 @compiled_unless_short_log
-def find_end_of_consecutive_samples(fed_samples: Ints, begin: int) -> int:
-    """End of the run of consecutive samples from index `begin` on, of at most `_AT_ONCE`."""
-    end = begin + 1
+def find_end_of_consecutive_samples(fed_samples: Ints, start: int) -> int:
+    """End of the run of consecutive samples from index `start` on, of at most `_AT_ONCE`."""
+    end = start + 1
     while (
         end < fed_samples.size
-        and end - begin < _AT_ONCE
+        and end - start < _AT_ONCE
         and fed_samples[end] == fed_samples[end - 1] + 1
     ):
         end += 1
@@ -68,16 +68,16 @@ def find_end_of_consecutive_samples(fed_samples: Ints, begin: int) -> int:
 
 @compiled_unless_short_log
 def accumulate_discounted_sums(
-    terms: Floats, begin: int, end: int, forgetting: float, initial_sums: Floats, sums: Floats
+    terms: Floats, start: int, end: int, forgetting: float, initial_sums: Floats, sums: Floats
 ) -> None:
-    """Compute s ← λ s + term into sums (lanes, ≥ end) from `begin` on; terms start at 0.
+    """Compute s ← λ s + term into sums (lanes, ≥ end) from `start` on; terms start at 0.
 
     `initial_sums` (lanes,) holds s before and after.
     """
-    count = end - begin
+    count = end - start
     for lane in range(0, initial_sums.size, 3):
         a, b, c = terms[lane, :count], terms[lane + 1, :count], terms[lane + 2, :count]
-        x, y, z = sums[lane, begin:end], sums[lane + 1, begin:end], sums[lane + 2, begin:end]
+        x, y, z = sums[lane, start:end], sums[lane + 1, start:end], sums[lane + 2, start:end]
         s, t, u = initial_sums[lane], initial_sums[lane + 1], initial_sums[lane + 2]
         for k in range(count):
             s = forgetting * s + a[k]
@@ -137,32 +137,32 @@ def accumulate_discounted_meats(
     z, near = np.empty((p, _AT_ONCE)), np.empty((p, _AT_ONCE))
     terms, sums = np.zeros((initial_meats.size, _AT_ONCE)), np.empty((initial_meats.size, _AT_ONCE))
     row = 1
-    stretch = begin = 0
-    while begin < fed_samples.size:
-        if begin > 0 and fed_samples[begin] != fed_samples[begin - 1] + 1:
-            stretch = begin
-        end = find_end_of_consecutive_samples(fed_samples, begin)
-        count = end - begin
-        copy_window_columns_to_buffer(A, fed_samples[begin], count, z)
+    stretch = start = 0
+    while start < fed_samples.size:
+        if start > 0 and fed_samples[start] != fed_samples[start - 1] + 1:
+            stretch = start
+        end = find_end_of_consecutive_samples(fed_samples, start)
+        count = end - start
+        copy_window_columns_to_buffer(A, fed_samples[start], count, z)
         for c in range(p):
             total = near[c]
             for k in range(count):
                 total[k] = 0.5 * z[c, k]
             for lag in range(1, min(lags, end - stretch)):
-                skip = max(0, stretch + lag - begin)
+                skip = max(0, stretch + lag - start)
                 r = correlation[lag] * fading[lag]
-                before = A[fed_samples[begin] + skip - lag : fed_samples[end - 1] - lag + 1]
+                before = A[fed_samples[start] + skip - lag : fed_samples[end - 1] - lag + 1]
                 later = total[skip:]
                 for k in range(count - skip):
                     later[k] += r * before[k, c]
         # near the start of a stretch, add earlier stretches and the first window
-        for k in range(max(0, min(count, stretch + lags - begin))):
-            for back in range(begin + k - stretch + 1, lags):
-                i = begin + k - back
+        for k in range(max(0, min(count, stretch + lags - start))):
+            for back in range(start + k - stretch + 1, lags):
+                i = start + k - back
                 sample = fed_samples[i] if i >= 0 else first_window_end + 1 + i
-                if fed_samples[begin + k] - sample >= lags or i < -first_window.shape[0]:
+                if fed_samples[start + k] - sample >= lags or i < -first_window.shape[0]:
                     break
-                r = correlation[fed_samples[begin + k] - sample] * fading[min(back, begin + k + 1)]
+                r = correlation[fed_samples[start + k] - sample] * fading[min(back, start + k + 1)]
                 for c in range(p):
                     near[c, k] += r * (A[sample, c] if i >= 0 else first_window[i, c])
         for i in range(p):
@@ -174,9 +174,9 @@ def accumulate_discounted_meats(
         accumulate_discounted_sums(terms, end - end, count, sum_decay, initial_meats, sums)
         while row < fed_count.size and fed_count[row] <= end:
             for entry in range(entries):
-                out[row, entry] = sums[entry, fed_count[row] - 1 - begin]
+                out[row, entry] = sums[entry, fed_count[row] - 1 - start]
             row += 1
-        begin = end
+        start = end
     return out
 
 
@@ -196,15 +196,15 @@ def accumulate_discounted_products(
     q = A.shape[1] + 1
     z, terms = np.empty((q, _AT_ONCE)), np.zeros((running_products.size, _AT_ONCE))
     sums = np.empty((running_products.size, fed_samples.size))
-    begin = 0
-    while begin < fed_samples.size:
-        end = find_end_of_consecutive_samples(fed_samples, begin)
-        count = end - begin
-        copy_window_columns_to_buffer(A, fed_samples[begin], count, z)
-        copy_force_samples(f, fed_samples[begin], count, z[q - 1])
+    start = 0
+    while start < fed_samples.size:
+        end = find_end_of_consecutive_samples(fed_samples, start)
+        count = end - start
+        copy_window_columns_to_buffer(A, fed_samples[start], count, z)
+        copy_force_samples(f, fed_samples[start], count, z[q - 1])
         fill_sample_products(z, count, terms)
-        accumulate_discounted_sums(terms, begin, end, forgetting, running_products, sums)
-        begin = end
+        accumulate_discounted_sums(terms, start, end, forgetting, running_products, sums)
+        start = end
     return sums
 
 

@@ -22,15 +22,15 @@ _IN_STEP = 4
 @compiled_unless_short_log
 def find_begins_of_window_batches(window_ends: Ints) -> Ints:
     """First row of each batch of consecutive windows, and the end of the last, (batches + 1,)."""
-    begins = np.empty(window_ends.size + 1, np.int64)
+    starts = np.empty(window_ends.size + 1, np.int64)
     count = 0
     for row in range(window_ends.size):
         follows = row > 0 and window_ends[row] == window_ends[row - 1] + 1
-        if not follows or row - begins[count - 1] == AT_ONCE:
-            begins[count] = row
+        if not follows or row - starts[count - 1] == AT_ONCE:
+            starts[count] = row
             count += 1
-    begins[count] = window_ends.size
-    return begins[: count + 1]
+    starts[count] = window_ends.size
+    return starts[: count + 1]
 
 
 @compiled_unless_short_log
@@ -46,11 +46,11 @@ def copy_samples_to_buffer(
 
 
 @compiled_unless_short_log
-def copy_consecutive_estimates(theta: Floats, begin: int, end: int) -> Floats:
+def copy_consecutive_estimates(theta: Floats, start: int, end: int) -> Floats:
     """Copy the estimates theta (p, rows) of windows begin … end - 1."""
-    out = np.empty((theta.shape[0], end - begin))
+    out = np.empty((theta.shape[0], end - start))
     for c in range(theta.shape[0]):
-        copy_force_samples(theta[c], begin, end - begin, out[c])
+        copy_force_samples(theta[c], start, end - start, out[c])
     return out
 
 
@@ -126,15 +126,15 @@ def sum_reweighted_products(
     raw = np.empty((entries, window + AT_ONCE + _IN_STEP))
     weights = np.empty((_IN_STEP, AT_ONCE))
     out = np.zeros((entries, window_ends.size))
-    begins = find_begins_of_window_batches(window_ends)
-    for number in range(begins.size - 1):
-        begin: int = begins[number]
-        end: int = begins[number + 1]
-        m = end - begin
-        first = window_ends[begin] - window + 1
+    starts = find_begins_of_window_batches(window_ends)
+    for number in range(starts.size - 1):
+        start: int = starts[number]
+        end: int = starts[number + 1]
+        m = end - start
+        first = window_ends[start] - window + 1
         copy_samples_to_buffer(A, f, first, window + m - 1, z)
         fill_sample_products(z, window + m - 1 + _IN_STEP, raw)
-        now, full = copy_consecutive_estimates(theta, begin, end), clipping_limit[begin:end]
+        now, full = copy_consecutive_estimates(theta, start, end), clipping_limit[start:end]
         sums = np.zeros((entries, m))
         for s in range(0, window, _IN_STEP):
             for c in range(_IN_STEP):
@@ -152,5 +152,5 @@ def sum_reweighted_products(
         for entry in range(entries):
             total = sums[entry]
             for k in range(m):
-                out[entry, begin + k] = total[k]
+                out[entry, start + k] = total[k]
     return out

@@ -100,8 +100,8 @@ def add_prefix_sums(
             s += terms[lane, k]
             t += terms[lane + 1, k]
             u += terms[lane + 2, k]
-        begin = start_sample + skipped_terms
-        a, b, c = terms[lane, begin:], terms[lane + 1, begin:], terms[lane + 2, begin:]
+        start = start_sample + skipped_terms
+        a, b, c = terms[lane, start:], terms[lane + 1, start:], terms[lane + 2, start:]
         x, y, z = sums[lane], sums[lane + 1], sums[lane + 2]
         for k in range(count):
             x[k] += s
@@ -193,16 +193,16 @@ def copy_force_samples(f: Floats, start: int, count: int, out: Floats) -> None:
 @compiled_unless_short_log
 def find_begins_of_block_pairs(window: int, window_ends: Ints) -> Ints:
     """First row of each pair of blocks, and the end of the last, (pairs + 1,)."""
-    begins = np.empty(window_ends.size + 1, np.int64)
+    starts = np.empty(window_ends.size + 1, np.int64)
     pairs = 0
     beyond = -1
     for row in range(window_ends.size):
         if window_ends[row] >= beyond:
             beyond = (window_ends[row] - window + 1) // window * window + 2 * window - 1
-            begins[pairs] = row
+            starts[pairs] = row
             pairs += 1
-    begins[pairs] = window_ends.size
-    return begins[: pairs + 1]
+    starts[pairs] = window_ends.size
+    return starts[: pairs + 1]
 
 
 @compiled_unless_short_log

@@ -40,10 +40,10 @@ def _compute_sandwich_meat_vectorised(
     A: Floats, group: Ints, group_number: int, first: int, last: int, correlation: Floats
 ) -> Floats:
     lags = correlation.size
-    begin = first - (lags - 1)
-    own = np.zeros((A.shape[1], last + 1 - begin))
-    mine = group[max(begin, 0) : last + 1] == group_number
-    own[:, max(-begin, 0) :] = np.where(mine, A[max(begin, 0) : last + 1].T, 0.0)
+    start = first - (lags - 1)
+    own = np.zeros((A.shape[1], last + 1 - start))
+    mine = group[max(start, 0) : last + 1] == group_number
+    own[:, max(-start, 0) :] = np.where(mine, A[max(start, 0) : last + 1].T, 0.0)
     here, tails = own[:, lags - 1 :], np.empty((len(own), last + 1 - first))
     for column, tail in zip(own, tails, strict=True):
         _add_predecessors_vectorised(column, correlation, tail)
@@ -66,12 +66,12 @@ def compute_sandwich_meat(
     own, tail = np.zeros(_MEAT_ROWS + lags), np.empty(_MEAT_ROWS)
     # a row at a time, so that the products of one are side by side
     here, tails = np.empty((_MEAT_ROWS, p)), np.empty((_MEAT_ROWS, p))
-    for begin in range(first, last + 1, _MEAT_ROWS):
-        rows = min(_MEAT_ROWS, last + 1 - begin)
+    for start in range(first, last + 1, _MEAT_ROWS):
+        rows = min(_MEAT_ROWS, last + 1 - start)
         for c in range(p):
             # 0 outside the group, so that lags need no condition
             for k in range(rows + lags - 1):
-                at = begin - (lags - 1) + k
+                at = start - (lags - 1) + k
                 own[k] = A[at, c] if at >= 0 and group[at] == group_number else 0.0
             add_correlated_predecessors(own, correlation, tail[:rows])
             here[:rows, c], tails[:rows, c] = own[lags - 1 : lags - 1 + rows], tail[:rows]
@@ -321,9 +321,9 @@ def _sum_correlated_neighbours_vectorised(
             0,
         )
         neighbour_sums[:, :stop] += correlation[lag] * z[:, lag : lag + stop]
-        begins = first_block_samples if count_across_at_later else first_block_samples + lag
-        neighbour_sums[:, begins:samples] += (
-            correlation[lag] * z[:, begins - lag : max(samples - lag, 0)]
+        starts = first_block_samples if count_across_at_later else first_block_samples + lag
+        neighbour_sums[:, starts:samples] += (
+            correlation[lag] * z[:, starts - lag : max(samples - lag, 0)]
         )
 
 
@@ -354,9 +354,9 @@ def sum_correlated_neighbours(
             total, x = neighbour_sums[c], z[c, lag:]
             for k in range(stop):
                 total[k] += r * x[k]
-            begins = first_block_samples if count_across_at_later else first_block_samples + lag
-            total, x = neighbour_sums[c, begins:], z[c, begins - lag :]
-            for k in range(samples - begins):
+            starts = first_block_samples if count_across_at_later else first_block_samples + lag
+            total, x = neighbour_sums[c, starts:], z[c, starts - lag :]
+            for k in range(samples - starts):
                 total[k] += r * x[k]
 
 

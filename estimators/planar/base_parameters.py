@@ -389,5 +389,5 @@ def compute_sandwich_covariance(
     shape = next((each for each in (cover, plain) if np.linalg.eigvalsh(each)[0] > 0.0), bread)
     own = np.diagonal(shape)
     stretch = std * size / np.sqrt(np.where(own > 0.0, own, np.inf))
-    told = fitted_parameters.responses.T @ fitted_parameters.responses if q else 0.0
-    return shape * np.outer(stretch, stretch) + told + fitted_parameters.doubt
+    known_part = fitted_parameters.responses.T @ fitted_parameters.responses if q else 0.0
+    return shape * np.outer(stretch, stretch) + known_part + fitted_parameters.doubt

@@ -127,16 +127,16 @@ def _draw_budget_bars(calibration: Calibration) -> Drawing:
         + ".",
         int(30 + LIMITS.row_height * (len(known) + 1)),
     )
-    begin, room = 128.0, WIDTH - 128.0 - 72.0
+    start, room = 128.0, WIDTH - 128.0 - 72.0
     for number, row in enumerate([*known, None]):
         y = 12.0 + LIMITS.row_height * number
         u_kg = calibration.u_kg if row is None else row.u_kg or 0.0
         name = "together" if row is None else row.component
-        picture.draw_text(begin - 6, y + 10, shorten_text_to_width(name, begin - 8), "end")
+        picture.draw_text(start - 6, y + 10, shorten_text_to_width(name, start - 8), "end")
         look = "left" if row is None else "bar"
-        picture.fill_bar(begin, y, max(room * u_kg / max(largest, calibration.u_kg), 0.5), 12, look)
+        picture.fill_bar(start, y, max(room * u_kg / max(largest, calibration.u_kg), 0.5), 12, look)
         length = room * u_kg / max(largest, calibration.u_kg)
-        picture.draw_text(begin + length + 5, y + 10, f"{u_kg:.2g} kg", "start")
+        picture.draw_text(start + length + 5, y + 10, f"{u_kg:.2g} kg", "start")
     return picture
 
 

@@ -280,7 +280,7 @@ def _make_campaign_run_rows(
     found: list[Mapping[str, Any]] = []
     undated = select_runs_without_date(document)
     for run in document.campaign.runs:
-        begin = "start" if run.from_s is None else f"{run.from_s:g} s"
+        start = "start" if run.from_s is None else f"{run.from_s:g} s"
         end = "end" if run.to_s is None else f"{run.to_s:g} s"
         whole = run.from_s is None and run.to_s is None
         count = counts.get(run.id, {"used": 0, "all": 0})
@@ -298,7 +298,7 @@ def _make_campaign_run_rows(
         found.append(
             {
                 "id": run.id,
-                "stretch": run.log if whole else f"{run.log}, {begin} to {end}",
+                "stretch": run.log if whole else f"{run.log}, {start} to {end}",
                 "load": run.load_id,
                 "day": f"{run.day}{' (stated, not provable)' if run in undated else ''}",
                 "operator": run.operator or _NONE,

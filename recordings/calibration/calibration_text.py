@@ -140,17 +140,17 @@ def _describe_logs_of_notary_list(document: EvidenceDocument) -> list[str]:
 def _describe_recording_machine(document: EvidenceDocument) -> Iterator[str]:
     """Yield sentences on whether this machine recorded the logs."""
     without = list_logs_without_machine_id(document.logs)
-    told = len(document.logs) - len(without)
+    naming_logs = len(document.logs) - len(without)
     if without:
         yield (
             f"Whether these logs were recorded by this machine: "
             f"{join_first_names(without, LIMITS.max_logs)}. They do not name "
             "theirs; their digests only show that they are the files that were replayed."
         )
-    if told:
+    if naming_logs:
         yield (
-            f"Whether {format_count(told, 'log')} whose metadata name this machine were recorded "
-            "by it: a log can be written with any name."
+            f"Whether {format_count(naming_logs, 'log')} whose metadata name this machine were "
+            "recorded by it: a log can be written with any name."
         )
 
 
@@ -237,13 +237,13 @@ def describe_calibration_offset(calibration: Calibration) -> str:
     """Say in a sentence how much of the calibrated mass is the constant β."""
     middle_kg = sum(calibration.range_kg) / 2.0
     share = calibration.beta_kg / middle_kg if middle_kg else 0.0
-    begin = (
+    start = (
         f"A calibrated mass is α times the estimate plus β. In the middle of the range, at "
         f"{middle_kg:,.0f} kg, β is {calibration.beta_kg:,.1f} kg: {share:.0%} of what is reported"
     ).replace("%", " %")
     if abs(share) > LIMITS.large_correction_fraction:
         return (
-            f"{begin}. That part is a constant, which no sensor influences. What the machine "
+            f"{start}. That part is a constant, which no sensor influences. What the machine "
             f"measured moves the result by {calibration.alpha_1:.3f} kg for each kg of the "
             "estimate. "
             "So a small error relative to the machine's whole mass is not a merit of the "
@@ -251,7 +251,7 @@ def describe_calibration_offset(calibration: Calibration) -> str:
             "in full in every result, and outside the range the line says nothing."
         )
     return (
-        f"{begin}. The rest is measured: the estimate moves the result by "
+        f"{start}. The rest is measured: the estimate moves the result by "
         f"{calibration.alpha_1:.3f} kg "
         "for each of its kg."
     )
@@ -281,13 +281,13 @@ def _describe_estimate_error(
     reference = next(each for each in document.references if each.load_id == load_id)
     used = readings.filter((pl.col("load_id") == load_id) & pl.col("used"))
     known = points.filter((pl.col("load_id") == load_id) & pl.col("mean_kg").is_not_null())
-    begin = f"Load '{load_id}', reference {reference.reference_kg:,.2f} kg: "
+    start = f"Load '{load_id}', reference {reference.reference_kg:,.2f} kg: "
     if known.is_empty():
-        return f"{begin}no reading could be used."
+        return f"{start}no reading could be used."
     means = known["mean_kg"].to_list()
     off_kg = sum(means) / len(means) - reference.reference_kg
     masses, common = used["mass_kg"].to_list(), used["common_u_kg"].drop_nulls().to_list()
-    text = f"{begin}the estimate is {off_kg:+,.2f} kg off"
+    text = f"{start}the estimate is {off_kg:+,.2f} kg off"
     if len(masses) > 1:
         mean = sum(masses) / len(masses)
         std_kg = math.sqrt(sum((mass - mean) ** 2 for mass in masses) / (len(masses) - 1))

@@ -90,14 +90,14 @@ def iter_repeated_run_sentences(
                 f"runs '{first.id}' and '{run.id}' have the same readings to the last bit: one "
                 "drive counts twice"
             )
-    begins = {log.log: parse_start_time_of_log(log) for log in logs}
+    starts = {log.log: parse_start_time_of_log(log) for log in logs}
     spans = sorted(
-        (*_compute_run_span(run, by_name[run.log], begin), run.id, run.log)
+        (*_compute_run_span(run, by_name[run.log], start), run.id, run.log)
         for run in counted
-        if (begin := begins[run.log]) is not None
+        if (start := starts[run.log]) is not None
     )
-    for (_, end, one, log), (begin, other_end, two, other_log) in pairwise(spans):
-        common_s = (min(end, other_end) - begin).total_seconds()
+    for (_, end, one, log), (start, other_end, two, other_log) in pairwise(spans):
+        common_s = (min(end, other_end) - start).total_seconds()
         if log != other_log and common_s > LIMITS.common_time_s:
             yield (
                 f"runs '{one}' and '{two}': {common_s:.0f} s of {log} and {other_log} were "

@@ -156,14 +156,14 @@ def iter_contradictions_to_notary_list(
 
 def does_log_start_within_list_entry(log: EvidenceLog, list_entry: NotaryEntry) -> bool:
     """Whether a log starts between start and end of its entry in the list, if both are known."""
-    begin, first, last = (
+    start, first, last = (
         parse_start_time_of_log(log),
         parse_list_time(list_entry.begins),
         parse_list_time(list_entry.ends),
     )
-    if begin is None or first is None or last is None:
-        return begin is None or first is None
-    return first - _CLOCK <= begin <= last + _CLOCK
+    if start is None or first is None or last is None:
+        return start is None or first is None
+    return first - _CLOCK <= start <= last + _CLOCK
 
 
 def identify_notary_signer(

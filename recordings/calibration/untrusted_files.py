@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
 
 _TABLE_READER: Final = Path(__file__).with_name("parquet_process.py")
-#: Arrow's name of the type that `encode_table_as_parquet` gives a column, as text, since only the
-#: reader's process imports Arrow.
+#: Arrow's name of the type that `encode_uncompressed_parquet_table` gives a column, as text, since
+#: only the reader's process imports Arrow.
 _ARROW: Final[Mapping[type[pl.DataType], str]] = {
     pl.String: "string",
     pl.Float64: "double",
@@ -51,7 +51,7 @@ _BULLET: Final = "•"
 _NUMBER: Final = re.compile(r"[-+−±]?\d[\d,.]*")
 
 
-def encode_table_as_parquet(frame: pl.DataFrame) -> bytes:
+def encode_uncompressed_parquet_table(frame: pl.DataFrame) -> bytes:
     """Encode a frame as Parquet, without compression and dictionaries."""
     import pyarrow.parquet as pq
 
@@ -81,7 +81,7 @@ class UntrustedTable:
 
 
 def read_untrusted_tables(tables: Sequence[UntrustedTable]) -> list[pl.DataFrame | str]:
-    """Read untrusted tables in the format of `encode_table_as_parquet`.
+    """Read untrusted tables in the format of `encode_uncompressed_parquet_table`.
 
     Returns:
         The frame of each table, or its fault: it has other columns, is compressed or encoded, has
@@ -342,9 +342,9 @@ def describe_first_difference(expected_text: str, found_text: str) -> str:
         return ""
     pairs = enumerate(zip(expected_text, found_text, strict=False))
     at = next((k for k, (a, b) in pairs if a != b), min(len(expected_text), len(found_text)))
-    begin = max(0, at - LIMITS.context_characters)
+    start = max(0, at - LIMITS.context_characters)
     there, here = (
-        text[begin : at + LIMITS.difference_characters] or "nothing"
+        text[start : at + LIMITS.difference_characters] or "nothing"
         for text in (found_text, expected_text)
     )
     return f"reads '{there}' where report.html has '{here}'"

@@ -23,7 +23,7 @@ from recordings.calibration.bundle_folder import (
 from recordings.calibration.calibration_report import render_report_html, write_report_pdf
 from recordings.calibration.calibration_text import describe_runs_with_swapped_loads
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceTables
-from recordings.calibration.untrusted_files import encode_table_as_parquet
+from recordings.calibration.untrusted_files import encode_uncompressed_parquet_table
 from recordings.signatures.signing import (
     SigningKey,
     encode_in_toto_statement,
@@ -40,7 +40,10 @@ class EncodedTables(NamedTuple):
 
 def encode_evidence_tables(readings: pl.DataFrame, points: pl.DataFrame) -> EncodedTables:
     """Encode the tables of evidence as Parquet, and compute their digests."""
-    written = {READINGS: encode_table_as_parquet(readings), POINTS: encode_table_as_parquet(points)}
+    written = {
+        READINGS: encode_uncompressed_parquet_table(readings),
+        POINTS: encode_uncompressed_parquet_table(points),
+    }
     return EncodedTables(
         written,
         EvidenceTables(

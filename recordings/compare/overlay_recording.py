@@ -62,7 +62,7 @@ def write_overlay_recording(
     comparison_markdown: str,
     *,
     is_same_log: bool,
-    force: bool = False,
+    overwrites: bool = False,
 ) -> Path:
     """Write a recording of two overlaid runs, and of B minus A.
 
@@ -74,7 +74,7 @@ def write_overlay_recording(
         path: the `.rrd` file to write.
         comparison_markdown: differences, in Markdown.
         is_same_log: whether both replay the same log; otherwise manoeuvres are matched in order.
-        force: whether to replace an existing file.
+        overwrites: whether to replace an existing file.
 
     Raises:
         OutputError: as from `write_recording`.
@@ -104,7 +104,9 @@ def write_overlay_recording(
             texts={COMPARED: comparison_markdown},
         )
 
-    return write_recording_with_scene(Run({}, about), make_overlay_scene, path, force=force)
+    return write_recording_with_scene(
+        Run({}, about), make_overlay_scene, path, overwrites=overwrites
+    )
 
 
 def _make_overlay_pages(

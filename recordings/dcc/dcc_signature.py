@@ -171,8 +171,8 @@ def compute_key_id_of_pem(pem_bytes: bytes, key_name: str) -> str:
         ) from None
     if isinstance(key, rsa.RSAPublicKey) and key.key_size < _RSA_BITS_MIN:
         raise EvidenceError(
-            f"{key_name}: an RSA key of {key.key_size} bits is too short; at least {_RSA_BITS_MIN} "
-            "are required"
+            f"{key_name}: an RSA key of {key.key_size} bits is too short; ask the laboratory for a "
+            f"certificate signed with at least {_RSA_BITS_MIN}"
         )
     if not isinstance(key, rsa.RSAPublicKey | ec.EllipticCurvePublicKey):
         raise EvidenceError(
@@ -237,8 +237,8 @@ def read_dcc_signing_key(path: Path, certificate: Path | None = None) -> DccKey:
         )
     if isinstance(key, rsa.RSAPrivateKey) and key.key_size < _RSA_BITS_MIN:
         raise EvidenceError(
-            f"{path}: an RSA key of {key.key_size} bits is too short; at least {_RSA_BITS_MIN} "
-            "are required"
+            f"{path}: an RSA key of {key.key_size} bits is too short; give one of at least "
+            f"{_RSA_BITS_MIN}"
         )
     if own is not None and own != key.public_key():
         raise EvidenceError(

@@ -182,7 +182,7 @@ def describe_mass_of_manoeuvre(manoeuvre_report: ManoeuvreReport) -> str:
 
 
 def plot_explanation(
-    run: Run, explanation: Explanation, path: Path, *, force: bool = False
+    run: Run, explanation: Explanation, path: Path, *, overwrites: bool = False
 ) -> Path:
     """Draw the picture of an explanation, and write it to a file.
 
@@ -190,12 +190,12 @@ def plot_explanation(
         run: explained run.
         explanation: the explanation.
         path: picture to write; the suffix sets the format.
-        force: whether to replace an existing file.
+        overwrites: whether to replace an existing file.
 
     Raises:
         OutputError: the picture cannot be written.
     """
-    return write_picture(draw_explanation(run, explanation), path, force=force)
+    return write_picture(draw_explanation(run, explanation), path, overwrites=overwrites)
 
 
 def draw_explanation(run: Run, explanation: Explanation) -> "Figure":
@@ -253,9 +253,9 @@ def choose_moment_to_show_s(explanation: Explanation, run: Run) -> float | None:
 
 def _cut_run_around_moment(run: Run, moment_s: float) -> Run:
     """Cut a run to the samples around a moment; frames without samples are kept whole."""
-    begin, end = (round((moment_s + way * _AROUND_S) * NS_PER_S) for way in (-1, 1))
+    start, end = (round((moment_s + way * _AROUND_S) * NS_PER_S) for way in (-1, 1))
     frames = {
-        name: select_rows_between_times(frame, begin, end) if "t_ns" in frame.columns else frame
+        name: select_rows_between_times(frame, start, end) if "t_ns" in frame.columns else frame
         for name, frame in run.frames.items()
     }
     return Run(frames, run.provenance)
@@ -277,12 +277,12 @@ def _restrict_run_to_load_at_moment(run: Run, moment_s: float | None) -> Run:
     here = loads.filter(at.is_between(pl.col("start_t_ns"), pl.col("end_t_ns")))
     if not here.height:
         return run
-    load_id, begin, end = here.select("load_id", "start_t_ns", "end_t_ns").row(0)
+    load_id, start, end = here.select("load_id", "start_t_ns", "end_t_ns").row(0)
     frames = dict(run.frames)
     frames["loads"] = here
     if "manoeuvres" in frames:
         frames["manoeuvres"] = frames["manoeuvres"].filter(pl.col("load_id") == load_id)
     for name, frame in run.frames.items():
         if name.startswith("estimates/"):
-            frames[name] = select_rows_between_times(frame, begin, end)
+            frames[name] = select_rows_between_times(frame, start, end)
     return Run(frames, run.provenance)

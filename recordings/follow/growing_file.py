@@ -54,7 +54,7 @@ def append_recording_messages(file: AppendOnlyFile, recording: bytes) -> None:
         OSError: they do not fit on the disk.
     """
     head = b"" if file.size else recording[:HEAD_BYTES]
-    messages = (recording[begin:end] for begin, end, _ in iter_complete_messages(recording))
+    messages = (recording[start:end] for start, end, _ in iter_complete_messages(recording))
     file.append_record(b"".join([head, *messages]))
 
 

@@ -131,18 +131,18 @@ class GrowingRecording:
         self._last: dict[str, int] = {}
         self._thresholds, layout = make_thresholds_and_blueprint(settings)
         self._streams: list[RecordingStream] = []
-        begins: list[RecordingStream] = []
+        starts: list[RecordingStream] = []
         if file is not None:
             stream = rr.RecordingStream(APPLICATION, recording_id=followed_log.recording_id)
             self._bytes = stream.binary_stream()
             self._streams.append(stream)
-            begins += [stream] if file.size == 0 else []
+            starts += [stream] if file.size == 0 else []
         if server is not None:
             stream = rr.RecordingStream(APPLICATION, recording_id=followed_log.recording_id)
             stream.set_sinks(rr.GrpcSink(server))
             self._streams.append(stream)
-            begins.append(stream)
-        for stream in begins:
+            starts.append(stream)
+        for stream in starts:
             described: dict[str, Any] = {
                 "identity": followed_log.identity,
                 "t0_unix_ns": followed_log.t0_unix_ns,
@@ -349,10 +349,10 @@ def read_end_of_recording(path: Path) -> RecordingEnd | None:
         followed_log = FollowedLog(
             found["identity"], int(found["t0_unix_ns"]), found["recording_id"]
         )
-        parts = [data[begin:end] for begin, end, of_store in messages[:_FIRST] if of_store]
+        parts = [data[start:end] for start, end, of_store in messages[:_FIRST] if of_store]
         store = b"".join([data[:HEAD_BYTES], *parts])
-        for begin, end, _ in reversed(messages[-_SECOND:]):
-            for chunk in _iter_chunks_of_messages(store + data[begin:end]):
+        for start, end, _ in reversed(messages[-_SECOND:]):
+            for chunk in _iter_chunks_of_messages(store + data[start:end]):
                 if chunk.entity_path == _LAST_OF_PART:
                     times = chunk.to_record_batch().column(SINCE_START)
                     return RecordingEnd(followed_log, max(t.value for t in times), end)

@@ -157,8 +157,8 @@ def _check_chain_of_lines(
                 entry.counter,
             )
         elif entry.counter > before_it + 1:
-            begin, end = before_it + 1, entry.counter - 1
-            span = f"number {begin} is" if begin == end else f"numbers {begin} to {end} are"
+            start, end = before_it + 1, entry.counter - 1
+            span = f"number {start} is" if start == end else f"numbers {start} to {end} are"
             checked_list.add_forgery_fault(f"{span} missing", end)
         elif entry.previous != before.line_sha256:
             checked_list.add_forgery_fault(
@@ -175,10 +175,10 @@ def _iter_contradictory_times(
     latest: NotaryEntry | None = None
     ended: NotaryEntry | None = None
     for entry in entries:
-        begins, ends, listed = map(parse_list_time, (entry.begins, entry.ends, entry.listed))
+        starts, ends, listed = map(parse_list_time, (entry.begins, entry.ends, entry.listed))
         assert listed is not None
         number = entry.counter
-        if begins is not None and ends is not None and ends < begins:
+        if starts is not None and ends is not None and ends < starts:
             yield NotaryListFault(True, number, f"number {number} ends before it begins")
         if listed > current_time + clock:
             yield NotaryListFault(

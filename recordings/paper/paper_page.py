@@ -19,7 +19,7 @@ SENTENCES: Final = "findings.csv"
 
 
 def require_writable_reproduction_folder(
-    items: Sequence[Item[Any]], folder: Path, output_format: str, *, force: bool
+    items: Sequence[Item[Any]], folder: Path, output_format: str, *, overwrites: bool
 ) -> None:
     """Raise an error before any work if an output cannot be written; create a missing folder.
 
@@ -31,7 +31,7 @@ def require_writable_reproduction_folder(
     except OSError as error:
         raise OutputError(f"{folder}: cannot be created ({error.strerror})") from error
     for path in _list_output_paths(items, folder, output_format):
-        require_writable_output(path, force=force)
+        require_writable_output(path, overwrites=overwrites)
 
 
 def write_reproduction(
@@ -40,7 +40,7 @@ def write_reproduction(
     output_format: str,
     introduction: str,
     *,
-    force: bool,
+    overwrites: bool,
 ) -> list[Path]:
     """Write the reproduction of the paper.
 
@@ -50,7 +50,7 @@ def write_reproduction(
         output_format: "md" for one page with every table and sentence, "csv" for a file per
             item with every number and one with the sentences; pictures with both.
         introduction: sentence on how the results were obtained.
-        force: whether to replace existing files.
+        overwrites: whether to replace existing files.
 
     Returns:
         Paths of the files.
@@ -59,7 +59,7 @@ def write_reproduction(
         OutputError: an output exists, or cannot be written.
     """
     targets = _list_output_paths([each.item for each in item_results], folder, output_format)
-    with stage_output_files(targets, force=force) as stage:
+    with stage_output_files(targets, overwrites=overwrites) as stage:
         for each in item_results:
             if each.item.picture:
                 draw_paper_figure(

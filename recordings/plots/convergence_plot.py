@@ -86,9 +86,9 @@ def _draw_estimates_of_method(
     mass, std = (convert_series_to_floats(rows[name]) for name in ("mass_kg", "mass_std_kg"))
     # no line between loads, nor across times without accepted samples
     gaps = 1 + np.flatnonzero(np.diff(t) > 1.5 * step * period_ns)
-    begins = np.union1d(np.searchsorted(t, load_starts_ns[1:]), gaps)
-    mass = np.insert(mass, begins, np.nan)
-    std, t_s = np.insert(std, begins, np.nan), np.insert(t / NS_PER_S, begins, np.nan)
+    starts = np.union1d(np.searchsorted(t, load_starts_ns[1:]), gaps)
+    mass = np.insert(mass, starts, np.nan)
+    std, t_s = np.insert(std, starts, np.nan), np.insert(t / NS_PER_S, starts, np.nan)
     colour = colours.choose_method_colour(method)
     axes.plot(t_s, mass, color=colour, lw=1.0, label=f"{method} ± 2σ")
     axes.fill_between(t_s, mass - 2 * std, mass + 2 * std, color=colour, alpha=0.2, lw=0)

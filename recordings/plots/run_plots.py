@@ -33,7 +33,7 @@ def plot_run(
     *,
     figure_name: str = "page",
     at_s: float | None = None,
-    force: bool = False,
+    overwrites: bool = False,
 ) -> Path:
     """Draw a run: one page of everything, or the figure of one question.
 
@@ -45,7 +45,7 @@ def plot_run(
         path: picture to write; the suffix sets the format: .png, .pdf or .svg.
         figure_name: one of `FIGURES`.
         at_s: a moment to mark, in seconds since the start.
-        force: whether to replace an existing file.
+        overwrites: whether to replace an existing file.
 
     Returns:
         The path of the picture.
@@ -54,12 +54,12 @@ def plot_run(
         OutputError: suffix or figure is unknown, or the file exists or cannot be written.
     """
     path = Path(path)
-    require_writable_picture(path, force=force)
+    require_writable_picture(path, overwrites=overwrites)
     if figure_name not in FIGURES:
         raise OutputError(
             f"{path}: no figure '{figure_name}'; {suggest_choice(figure_name, FIGURES)}"
         )
-    return write_picture(FIGURES[figure_name](run, at_s), path, force=force)
+    return write_picture(FIGURES[figure_name](run, at_s), path, overwrites=overwrites)
 
 
 def draw_run_overview(run: Run, at_s: float | None = None) -> "Figure":

@@ -49,7 +49,7 @@ def plot_sweep(
     path: Path,
     *,
     reference_kg: float | None = None,
-    force: bool = False,
+    overwrites: bool = False,
 ) -> Path:
     """Plot a sweep over one numeric setting, or over labelled combinations.
 
@@ -57,12 +57,12 @@ def plot_sweep(
         swept_rows: combinations, at least one.
         path: picture to write; the suffix sets the format.
         reference_kg: the true mass, if known.
-        force: whether to replace an existing file.
+        overwrites: whether to replace an existing file.
 
     Raises:
         OutputError: the picture cannot be written.
     """
-    return write_picture(draw_sweep_figure(swept_rows, reference_kg), path, force=force)
+    return write_picture(draw_sweep_figure(swept_rows, reference_kg), path, overwrites=overwrites)
 
 
 def draw_sweep_figure(

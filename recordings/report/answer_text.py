@@ -56,12 +56,12 @@ def describe_loads_as_lines(answer: Answer, max_loads: int) -> list[str]:
     """Describe each load in a line, up to `max_loads`; a last line counts the others."""
     lines: list[str] = []
     rows = zip(make_load_table_rows(answer)[:max_loads], answer.loads, strict=False)
-    for (load, begin, end, manoeuvres, mass, payload, *_, remark), row in rows:
+    for (load, start, end, manoeuvres, mass, payload, *_, remark), row in rows:
         carried = payload if payload in ("empty", "–") else f"payload {payload} kg"
-        told = ", ".join(
+        masses = ", ".join(
             filter(None, (f"{mass} kg", carried, describe_calibrated_mass(row), remark))
         )
-        lines.append(f"load {load}: {begin} to {end} s, {manoeuvres} manoeuvres, {told}")
+        lines.append(f"load {load}: {start} to {end} s, {manoeuvres} manoeuvres, {masses}")
     if len(answer.loads) > max_loads:
         lines.append(f"and {len(answer.loads) - max_loads} more")
     return lines
@@ -121,9 +121,9 @@ def describe_prior_sensitivity(load_row: Mapping[str, Any]) -> str:
 def _list_notes_on_load(load_row: Mapping[str, Any]) -> list[str]:
     """List the notes on a load that apply to every load of the log."""
     lines = [load_row[name] for name in ("said", "calibrated_said") if load_row.get(name)]
-    told = load_row.get("payload_to") is not None and not load_row.get("payload_scale_unknown")
+    is_scaled = load_row.get("payload_to") is not None and not load_row.get("payload_scale_unknown")
     if load_row["scale_unknown"]:
-        of = "masses; payloads are on the scale of the stated empty mass" if told else ""
+        of = "masses; payloads are on the scale of the stated empty mass" if is_scaled else ""
         lines.append(describe_missing_scale_uncertainties(load_row["scale_unknown"], of))
     if load_row["braking_left_out"]:
         lines.append("braking and driving disagree about the mass, and braking was left out")
@@ -141,10 +141,10 @@ def describe_manoeuvres_needed_for_goal(answer: Answer, goal_u_kg: float) -> lis
         u_kg = load["payload_u_kg" if by_difference else "u_kg"]
         random_kg = load["payload_u_random_kg" if by_difference else "u_random_kg"]
         common_kg = max(u_kg**2 - random_kg**2, 0.0) ** 0.5
-        begin = f"load {load['load_id']}: {name} ± {u_kg:.3g} kg "
-        begin += f"from {format_count(load['manoeuvres'], 'manoeuvre')}"
+        start = f"load {load['load_id']}: {name} ± {u_kg:.3g} kg "
+        start += f"from {format_count(load['manoeuvres'], 'manoeuvre')}"
         if u_kg <= goal_u_kg:
-            lines.append(f"{begin}, already within ± {goal_u_kg:g} kg")
+            lines.append(f"{start}, already within ± {goal_u_kg:g} kg")
         elif common_kg >= goal_u_kg:
             causes = [
                 source
@@ -159,14 +159,14 @@ def describe_manoeuvres_needed_for_goal(answer: Answer, goal_u_kg: float) -> lis
                 f"; reduce first {causes[0]['cause']}, by {causes[0]['shrinks']}" if causes else ""
             )
             lines.append(
-                f"{begin}; more like these cannot reach ± {goal_u_kg:g} kg: their common "
+                f"{start}; more like these cannot reach ± {goal_u_kg:g} kg: their common "
                 f"uncertainty is ± {common_kg:.3g} kg{most}"
             )
         else:
             times = random_kg**2 / (goal_u_kg**2 - common_kg**2)
             wanted = ceil(load["manoeuvres"] * times)
             which = " (and as many empty)" if by_difference else ""
-            lines.append(f"{begin}; {wanted} like these{which} would give ± {goal_u_kg:g} kg")
+            lines.append(f"{start}; {wanted} like these{which} would give ± {goal_u_kg:g} kg")
     return lines
 
 

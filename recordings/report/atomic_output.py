@@ -73,18 +73,18 @@ class AppendOnlyFile:
 
 
 @contextmanager
-def stage_output_files(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
+def stage_output_files(targets: Sequence[Path], *, overwrites: bool) -> Generator[Path]:
     """Context with a hidden folder for writing the targets; they are moved into place at the end.
 
     Args:
         targets: files or folders with a common parent.
-        force: whether existing targets may be replaced (a folder only if it is a rosbag2 directory,
-            a converted log or evidence).
+        overwrites: whether existing targets may be replaced (a folder only if it is a rosbag2
+            directory, a converted log or evidence).
 
     Raises:
         OutputError: a target already exists, or the folder cannot be written to.
     """
-    with make_staging_folder(targets, force=force) as stage:
+    with make_staging_folder(targets, overwrites=overwrites) as stage:
         try:
             yield stage
             for target in targets:
@@ -97,19 +97,19 @@ def stage_output_files(targets: Sequence[Path], *, force: bool) -> Generator[Pat
 
 
 @contextmanager
-def stage_output_file(target: Path, *, force: bool) -> Generator[Path]:
+def stage_output_file(target: Path, *, overwrites: bool) -> Generator[Path]:
     """Context with a temporary name for one file, which is moved to `target` at the end."""
     _refuse_folder_as_target(target)
-    with stage_output_files([target], force=force) as stage:
+    with stage_output_files([target], overwrites=overwrites) as stage:
         yield stage / target.name
 
 
-def require_writable_folder(target: Path, *, force: bool, marker: str | None = None) -> None:
+def require_writable_folder(target: Path, *, overwrites: bool, marker: str | None = None) -> None:
     """Raise an error, before any work, if an output folder cannot be created.
 
     Args:
         target: folder to write.
-        force: whether an existing folder of the same kind may be replaced.
+        overwrites: whether an existing folder of the same kind may be replaced.
         marker: file that identifies the kind; None for a folder that is never replaced.
 
     Raises:
@@ -121,18 +121,18 @@ def require_writable_folder(target: Path, *, force: bool, marker: str | None = N
                 f"{target}: is {kind}, which is not replaced by {_WRITTEN_WHOLE[marker]}; give "
                 "another output"
             )
-    with make_staging_folder([target], force=force):
+    with make_staging_folder([target], overwrites=overwrites):
         pass
 
 
-def require_writable_output(target: Path, *, force: bool) -> None:
+def require_writable_output(target: Path, *, overwrites: bool) -> None:
     """Raise an error, before any work, if an output file cannot be created.
 
     Raises:
         OutputError: the file already exists, or its folder cannot be written to.
     """
     _refuse_folder_as_target(target)
-    with make_staging_folder([target], force=force):
+    with make_staging_folder([target], overwrites=overwrites):
         pass
 
 
@@ -162,7 +162,7 @@ def _refuse_folder_as_target(target: Path) -> None:
 
 
 @contextmanager
-def make_staging_folder(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
+def make_staging_folder(targets: Sequence[Path], *, overwrites: bool) -> Generator[Path]:
     """Context with a hidden folder next to the targets, which is always removed at the end."""
     folder = targets[0].parent
     if not folder.is_dir():
@@ -172,7 +172,7 @@ def make_staging_folder(targets: Sequence[Path], *, force: bool) -> Generator[Pa
     try:
         try:
             for target in targets:
-                _refuse_to_overwrite(target, force=force)
+                _refuse_to_overwrite(target, overwrites=overwrites)
             stage.mkdir(mode=0o700)
         except OSError as error:
             raise OutputError(
@@ -188,13 +188,13 @@ def make_staging_folder(targets: Sequence[Path], *, force: bool) -> Generator[Pa
             raise
 
 
-def _refuse_to_overwrite(target: Path, *, force: bool) -> None:
+def _refuse_to_overwrite(target: Path, *, overwrites: bool) -> None:
     if target.is_dir() and not _is_folder_written_whole(target):
         raise OutputError(
             f"{target}: is a folder, but not a rosbag2 directory, converted log or evidence, so it "
             "is not replaced; give another output"
         )
-    if target.exists() and not force:
+    if target.exists() and not overwrites:
         raise OutputError(
             f"{target}: exists already; give another output, or --force to replace it"
         )

@@ -100,9 +100,9 @@ class ShiftClock:
             first = self.to_local_datetime(0.0)
             midnight_s = first.hour * _HOUR_S + first.minute * _MINUTE_S + first.second
             shift_s = midnight_s + (self.t0_unix_ns % NS) / NS
-        begin = int(-(-(low_s + shift_s) // step_s))
+        start = int(-(-(low_s + shift_s) // step_s))
         end = int((high_s + shift_s) // step_s)
-        places = [k * step_s - shift_s for k in range(begin, end + 1)]
+        places = [k * step_s - shift_s for k in range(start, end + 1)]
         return [(place, self._format_time_axis_tick(place)) for place in places]
 
     def _format_time_axis_tick(self, time_s: float) -> str:

@@ -61,10 +61,10 @@ def format_finding_span(finding: Finding, clock: ShiftClock | None = None) -> st
     if finding.start_s is None or finding.end_s is None:
         return ""
     if clock is not None:
-        begin, end = clock.format_time(finding.start_s), clock.format_time(finding.end_s)
-        return begin if begin == end else f"{begin} to {end}"
-    begin, end = f"{finding.start_s:,.1f}", f"{finding.end_s:,.1f}"
-    return f"{begin} s" if begin == end else f"{begin} to {end} s"
+        start, end = clock.format_time(finding.start_s), clock.format_time(finding.end_s)
+        return start if start == end else f"{start} to {end}"
+    start, end = f"{finding.start_s:,.1f}", f"{finding.end_s:,.1f}"
+    return f"{start} s" if start == end else f"{start} to {end} s"
 
 
 def format_finding(finding: Finding, clock: ShiftClock | None = None) -> str:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 SUFFIXES: Final = (".png", ".pdf", ".svg")
 
 
-def require_writable_picture(path: Path, *, force: bool) -> None:
+def require_writable_picture(path: Path, *, overwrites: bool) -> None:
     """Raise an error, before drawing, if a picture file cannot be written.
 
     Raises:
@@ -24,17 +24,17 @@ def require_writable_picture(path: Path, *, force: bool) -> None:
     """
     if path.suffix.lower() not in SUFFIXES:
         raise OutputError(f"{path}: no picture format '{path.suffix}'; use {', '.join(SUFFIXES)}")
-    require_writable_output(path, force=force)
+    require_writable_output(path, overwrites=overwrites)
 
 
-def write_picture(figure: "Figure", path: Path, *, force: bool) -> Path:
+def write_picture(figure: "Figure", path: Path, *, overwrites: bool) -> Path:
     """Write a figure in the format of the file's suffix, and return the file's path.
 
     Raises:
         OutputError: as from `require_writable_picture`, or if writing fails.
     """
-    require_writable_picture(path, force=force)
-    with stage_output_file(path, force=force) as partial, catch_warnings():
+    require_writable_picture(path, overwrites=overwrites)
+    with stage_output_file(path, overwrites=overwrites) as partial, catch_warnings():
         filterwarnings("ignore", "Glyph", UserWarning)  # names with characters that the font lacks
         figure.savefig(partial, dpi=LIMITS.picture_dpi)
     return path

@@ -144,7 +144,7 @@ def _format_distance(planar_row: Mapping[str, Any], axis: str) -> str:
 
 def list_determined_parameters_as_text(planar_row: Mapping[str, Any]) -> str:
     """List the parameters that the motion determines and that are not withheld."""
-    told = [
+    values = [
         f"{name} {format_plus_minus(planar_row[value], planar_row[std])} {unit}"
         for name, (value, std, unit) in _NAMES.items()
         if planar_row[value] is not None
@@ -154,4 +154,4 @@ def list_determined_parameters_as_text(planar_row: Mapping[str, Any]) -> str:
         said.append(f"by themselves {planar_row['identifiable']}")
     if planar_row["combinations"]:
         said.append(f"together only {planar_row['combinations']}")
-    return "; ".join(said) + "." + (f" {', '.join(told)}." if told else "")
+    return "; ".join(said) + "." + (f" {', '.join(values)}." if values else "")

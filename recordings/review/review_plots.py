@@ -182,16 +182,16 @@ def _draw_gate_reasons(state: ReviewState) -> Drawing:
         f"Decisions of the gate by share of the recorded time: {words}.",
         int(20 + LIMITS.bar_height * len(rows)),
     )
-    begin, room = 140.0, WIDTH - 140.0 - 44.0
+    start, room = 140.0, WIDTH - 140.0 - 44.0
     largest = max(share for _, share in rows)
     for number, (name, share) in enumerate(rows):
         y = 8.0 + LIMITS.bar_height * number
         picture.draw_text(
-            begin - 6, y + 10, shorten_text_to_width(name.replace("_", " "), begin - 8), "end"
+            start - 6, y + 10, shorten_text_to_width(name.replace("_", " "), start - 8), "end"
         )
         length = max(room * share / largest, 0.5)
-        picture.fill_bar(begin, y, length, 12, "bar" if name == "accepted" else "band")
-        picture.draw_text(begin + length + 5, y + 10, f"{share:.1%}", "start")
+        picture.fill_bar(start, y, length, 12, "bar" if name == "accepted" else "band")
+        picture.draw_text(start + length + 5, y + 10, f"{share:.1%}", "start")
     return picture
 
 

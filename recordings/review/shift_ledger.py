@@ -283,8 +283,8 @@ def parse_local_instant(text: str, clock: ShiftClock) -> dt.datetime:
         raise ReviewError(f"'{text}' is not a time ({error})") from None
     if match is None:
         raise ReviewError(f"'{text}' is not a time; write it like 14:32 or 2023-11-14 14:32:10")
-    begin_s = clock.t0_unix_ns / NS
-    within_shift = [each for each in found if 0.0 <= each - begin_s <= clock.duration_s]
+    start_s = clock.t0_unix_ns / NS
+    within_shift = [each for each in found if 0.0 <= each - start_s <= clock.duration_s]
     # in a shift over midnight, the same hour of the other day is outside the shift
     found = within_shift or found
     if len(found) != 1:

@@ -180,7 +180,7 @@ def write_week_page(
         raise OutputError(
             f"{page_path}: exists already and is not a page of a week; give another file"
         )
-    with stage_output_file(page_path, force=True) as stage:
+    with stage_output_file(page_path, overwrites=True) as stage:
         text = render_week_html(week_parts, shifts, limit_N_s_m, page_path.parent)
         stage.write_text(text.replace("<html", f"{_MARK}\n<html", 1), encoding="utf-8")
 

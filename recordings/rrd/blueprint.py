@@ -318,10 +318,10 @@ def _make_time_axis(span_ns: tuple[int, int] | None, legend_fraction: float) -> 
     if span_ns is None or not legend_fraction:
         ends = TimeRangeBoundary.infinite(), TimeRangeBoundary.infinite()
     else:
-        begin, end = span_ns
+        start, end = span_ns
         ends = (
-            TimeRangeBoundary.absolute(nanos=begin),
-            TimeRangeBoundary.absolute(nanos=end + round(legend_fraction * (end - begin))),
+            TimeRangeBoundary.absolute(nanos=start),
+            TimeRangeBoundary.absolute(nanos=end + round(legend_fraction * (end - start))),
         )
     return rrb.TimeAxis(view_range=TimeRange(start=ends[0], end=ends[1]))
 

@@ -218,8 +218,8 @@ def should_draw_as_points(numbers: pl.Series) -> bool:
     """Whether to draw points, since most values are isolated or in many short lines."""
     there = numbers.is_not_null().to_numpy()
     edges = np.diff(there, prepend=False, append=False)
-    begins, ends = edges[:-1] & there, edges[1:] & there
-    count, lines, alone = (int(each.sum()) for each in (there, begins, begins & ends))
+    starts, ends = edges[:-1] & there, edges[1:] & there
+    count, lines, alone = (int(each.sum()) for each in (there, starts, starts & ends))
     short = lines > LIMITS.many_lines and count <= LIMITS.short_line_points * lines
     return 2 * alone > count or short
 

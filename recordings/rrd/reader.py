@@ -191,7 +191,7 @@ def open_recording(path: str | Path, *, stored_names: bool = False) -> "Generato
         raise RecordingError(f"{path}: is a folder or device, not a recording; give the .rrd file")
     with path.open("rb") as file:
         if file.read(3) != b"RRF":
-            raise RecordingError(f"{path}: is not a Rerun recording (.rrd)")
+            raise RecordingError(f"{path}: is not a Rerun recording; give an .rrd file")
     import rerun as rr
     from rerun.error_utils import RerunWarning
 

@@ -34,7 +34,7 @@ def read_run_of_time_range(
         return read_recording(path)
     refuse_invalid_time_range(path, from_s, to_s)
     stretch = _describe_ends_of_range(from_s, to_s)
-    begin, end = (
+    start, end = (
         None if each is None else round(min(max(each, -LIMITS.latest_s), LIMITS.latest_s) * NS)
         for each in (from_s, to_s)
     )
@@ -49,7 +49,7 @@ def read_run_of_time_range(
             whole = held.read_frame(stored.name)
             heights[stored.name] = whole.height
             frames[stored.name] = _select_rows_of_time_range(
-                whole, begin, end, held.provenance.t0_unix_ns
+                whole, start, end, held.provenance.t0_unix_ns
             )
             if stored.name == "aligned" and frames["aligned"].is_empty() and not whole_run:
                 raise RecordingError(
@@ -91,7 +91,7 @@ def _describe_span_of_grid(aligned_frame: pl.DataFrame) -> str:
 
 
 def _select_rows_of_time_range(
-    frame: pl.DataFrame, begin: int | None, end: int | None, t0_ns: int
+    frame: pl.DataFrame, start: int | None, end: int | None, t0_ns: int
 ) -> pl.DataFrame:
     has = frame.columns
     # fields of a log may have any name
@@ -105,13 +105,13 @@ def _select_rows_of_time_range(
         return frame
     wanted = [pl.lit(value=True)]
     # a row without times is about the whole run
-    if begin is not None:
-        wanted.append((pl.col(last) >= begin + shift).fill_null(value=True))
+    if start is not None:
+        wanted.append((pl.col(last) >= start + shift).fill_null(value=True))
     if end is not None:
         wanted.append((pl.col(first) <= end + shift).fill_null(value=True))
     return frame.filter(pl.all_horizontal(wanted))
 
 
 def _describe_ends_of_range(from_s: float | None, to_s: float | None) -> str:
-    begin = "the start" if from_s is None else f"{from_s:g} s"
-    return f"from {begin} to {'the end' if to_s is None else f'{to_s:g} s'}"
+    start = "the start" if from_s is None else f"{from_s:g} s"
+    return f"from {start} to {'the end' if to_s is None else f'{to_s:g} s'}"

@@ -315,7 +315,7 @@ def wait_for_client_of_viewer(
     process: subprocess.Popen[bytes],
     port: int,
     log_file: IO[bytes],
-    timeout_message: str,
+    viewer_requirement: str,
     *,
     waits_for_recording: bool = False,
 ) -> "ViewerClient":
@@ -336,4 +336,4 @@ def wait_for_client_of_viewer(
     process.wait()
     log_file.seek(0)
     said = log_file.read().decode(errors="replace").strip().splitlines() or ["no message"]
-    raise RecordingError(f"the viewer did not start: {said[-1]}; it needs {timeout_message}")
+    raise RecordingError(f"the viewer did not start: {said[-1]}; it needs {viewer_requirement}")

@@ -61,7 +61,7 @@ class LiveView:
 
 
 def write_recording(
-    run: Run, path: str | Path, *, force: bool = False, viewer: str | LiveView | None = None
+    run: Run, path: str | Path, *, overwrites: bool = False, viewer: str | LiveView | None = None
 ) -> Path:
     """Write every frame of `run`, its provenance, and a blueprint of its layout.
 
@@ -70,7 +70,7 @@ def write_recording(
     Args:
         run: run to write. Floats outside `raw` must not be NaN (missing is null).
         path: the `.rrd` file to write; its folder must exist.
-        force: whether to replace an existing file.
+        overwrites: whether to replace an existing file.
         viewer: viewer that shows the recording while it is written, or its address
             (`start_waiting_viewer`).
 
@@ -81,7 +81,9 @@ def write_recording(
         OutputError: the name does not end in .rrd, the file exists, its folder is missing or not
             writable, the disk is full, a column cannot be stored, or what was read back differs.
     """
-    return write_recording_with_scene(run, make_scene_of_run, path, force=force, live_viewer=viewer)
+    return write_recording_with_scene(
+        run, make_scene_of_run, path, overwrites=overwrites, live_viewer=viewer
+    )
 
 
 @dataclass(frozen=True)
@@ -108,10 +110,10 @@ def make_scene_of_run(run: Run, parent_entity: str = "") -> Scene:
     """Make the scene of a run by the table of views, below a parent entity if given."""
     shown = make_display_frames(run)
     name = make_recording_name(run.provenance)
-    begin = (find_time_span_of_grid_ns(run) or (0, 0))[0]
+    start = (find_time_span_of_grid_ns(run) or (0, 0))[0]
     events = sorted(
         (
-            begin if each.start_s is None else round(each.start_s * 1e9),
+            start if each.start_s is None else round(each.start_s * 1e9),
             format_finding(each),
             each.severity != "tell",
         )
@@ -127,7 +129,7 @@ def write_recording_with_scene(
     make_scene: Callable[[Run], Scene],
     path: str | Path,
     *,
-    force: bool = False,
+    overwrites: bool = False,
     live_viewer: str | LiveView | None = None,
 ) -> Path:
     """Write the recording of a run as `write_recording` does, but with a given scene.
@@ -136,7 +138,7 @@ def write_recording_with_scene(
         run: run to store.
         make_scene: function that makes the scene, called once the output is known to be writable.
         path: the `.rrd` file to write.
-        force: whether to replace an existing file.
+        overwrites: whether to replace an existing file.
         live_viewer: viewer that shows the recording while it is written, or its address.
 
     Raises:
@@ -144,15 +146,15 @@ def write_recording_with_scene(
     """
     path = Path(path)
     live_viewer = LiveView(live_viewer) if isinstance(live_viewer, str) else live_viewer
-    require_writable_recording(path, force=force)
-    with stage_output_file(path, force=force) as partial:
+    require_writable_recording(path, overwrites=overwrites)
+    with stage_output_file(path, overwrites=overwrites) as partial:
         with open_piped_file(partial) as piped:
             _send_run_through_pipe(run, make_scene, piped, path, live_viewer)
         refuse_recording_unlike_run(run, partial, path)
     return path
 
 
-def require_writable_recording(path: Path, *, force: bool) -> None:
+def require_writable_recording(path: Path, *, overwrites: bool) -> None:
     """Raise an error, before any work, if a recording cannot be written.
 
     Raises:
@@ -162,7 +164,7 @@ def require_writable_recording(path: Path, *, force: bool) -> None:
         raise OutputError(
             f"{path}: the name of a recording must end in {SUFFIX}; rename the output"
         )
-    require_writable_output(path, force=force)
+    require_writable_output(path, overwrites=overwrites)
 
 
 def _send_run_through_pipe(

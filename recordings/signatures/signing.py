@@ -204,7 +204,7 @@ def read_public_key_file(path: Path) -> PublicKey:
     except (ValueError, UnsupportedAlgorithm):
         raise EvidenceError(f"{path}: holds no public key in PEM; `{_PUBLISH}` writes it") from None
     if not isinstance(key, Ed25519PublicKey):
-        raise EvidenceError(f"{path}: is not an Ed25519 key, which evidence requires")
+        raise EvidenceError(f"{path}: is not an Ed25519 key; give the one that signed the evidence")
     return _refuse_weak_key_of_source(_convert_library_key(key), str(path))
 
 

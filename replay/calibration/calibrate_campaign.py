@@ -143,8 +143,8 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     *,
     key_file: Path | None = None,
     previous: Path | None = None,
-    recordings: bool = False,
-    force: bool = False,
+    keeps_recordings: bool = False,
+    overwrites: bool = False,
     timestamp_request_file: Path | None = None,
     dcc: DccOutput | None = None,
     on_log: Callable[[str], None] = lambda _: None,
@@ -156,8 +156,8 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
         folder: bundle to write.
         key_file: private key; without it PAYSCOPE_SIGNING_KEY may hold one.
         previous: the machine's previous evidence.
-        recordings: whether to include each replay's recording in the bundle.
-        force: whether evidence in `folder` may be replaced.
+        keeps_recordings: whether to include each replay's recording in the bundle.
+        overwrites: whether evidence in `folder` may be replaced.
         timestamp_request_file: file for the query to a time-stamp authority; None writes none.
         dcc: output of the digital calibration certificate; None writes none.
         on_log: called with each log's name when its replay begins.
@@ -169,20 +169,24 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     # through the form in evidence, whose keys are in another order: the same frames result
     machine = Machine.model_validate_json(encode_canonical_json(machine.model_dump(mode="json")))
     key = read_valid_signing_key_or_none(key_file)
-    xml_key = None if dcc is None else require_dcc_inputs(campaign_file, campaign, dcc, force=force)
+    xml_key = (
+        None
+        if dcc is None
+        else require_dcc_inputs(campaign_file, campaign, dcc, overwrites=overwrites)
+    )
     before = (
         None if previous is None else read_previous_evidence(previous, campaign.machine.id, key)
     )
     refuse_campaign.refuse_outputs_among_campaign_files(
         campaign_file, campaign, (folder, timestamp_request_file, dcc and dcc.file)
     )
-    require_writable_folder(folder, force=force, marker=EVIDENCE)
+    require_writable_folder(folder, overwrites=overwrites, marker=EVIDENCE)
     stretch = refuse_campaign.load_range_of_notary_list(campaign_file, campaign)
     if timestamp_request_file is not None:
         refuse_campaign.refuse_impossible_timestamp_request(
-            timestamp_request_file, key, force=force
+            timestamp_request_file, key, overwrites=overwrites
         )
-    with stage_output_files([folder], force=force) as stage:
+    with stage_output_files([folder], overwrites=overwrites) as stage:
         made = stage / folder.name
         made.mkdir()
 
@@ -200,7 +204,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
             machine if learnt is None else copy_machine_with_learnt_priors(machine, learnt.terms)
         )
         replayed = replay_campaign_logs(
-            campaign, weighing, find_path_of_log, made if recordings else None, on_log
+            campaign, weighing, find_path_of_log, made if keeps_recordings else None, on_log
         )
         refuse_campaign.refuse_run_days_unlike_logs(campaign_file, campaign, replayed, machine)
         refuse_campaign.refuse_repeated_runs(campaign_file, campaign, replayed)
@@ -220,17 +224,17 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
         )
         calibrated = write_verified_evidence(evidence, made, folder, key, before, previous, stretch)
     if timestamp_request_file is not None:
-        write_timestamp_request(folder, timestamp_request_file, force=force)
+        write_timestamp_request(folder, timestamp_request_file, overwrites=overwrites)
     if dcc is None:
         return calibrated
-    remark = write_and_verify_dcc(folder, calibrated.document, dcc, xml_key, force=force)
+    remark = write_and_verify_dcc(folder, calibrated.document, dcc, xml_key, overwrites=overwrites)
     return replace(calibrated, remarks=(*calibrated.remarks, remark))
 
 
-def write_timestamp_request(bundle_folder: Path, file: Path, *, force: bool) -> None:
+def write_timestamp_request(bundle_folder: Path, file: Path, *, overwrites: bool) -> None:
     """Write the time-stamp query for the signature of a bundle."""
     query = encode_timestamp_request((bundle_folder / STATEMENT).read_bytes())
-    with stage_output_file(file, force=force) as partial:
+    with stage_output_file(file, overwrites=overwrites) as partial:
         partial.write_bytes(query)
 
 

@@ -56,7 +56,7 @@ def write_evidence_of_mass_check(
     *,
     previous: Path,
     key_file: Path | None = None,
-    force: bool = False,
+    overwrites: bool = False,
     on_log: Callable[[str], None] = lambda _: None,
 ) -> CalibrationOutcome:
     """Replay a log with a known mass, compare the reading, and write the evidence.
@@ -69,7 +69,7 @@ def write_evidence_of_mass_check(
         evidence_folder: bundle to write.
         previous: evidence of the calibration, or of an earlier check.
         key_file: private key; without it PAYSCOPE_SIGNING_KEY may hold one.
-        force: whether evidence in `evidence_folder` may be replaced.
+        overwrites: whether evidence in `evidence_folder` may be replaced.
         on_log: called with the log's name when its replay begins.
 
     Raises:
@@ -81,8 +81,8 @@ def write_evidence_of_mass_check(
     if last is None or last.calibration is None:
         raise EvidenceError(f"{previous}: has no calibration line to check; calibrate first")
     campaign = _make_campaign_of_single_run(last, log, mass_on_board)
-    require_writable_folder(evidence_folder, force=force, marker=EVIDENCE)
-    with stage_output_files([evidence_folder], force=force) as stage:
+    require_writable_folder(evidence_folder, overwrites=overwrites, marker=EVIDENCE)
+    with stage_output_files([evidence_folder], overwrites=overwrites) as stage:
         made = stage / evidence_folder.name
         made.mkdir()
         replayed = replay_campaign_logs(

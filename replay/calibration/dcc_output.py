@@ -31,7 +31,7 @@ class DccOutput:
 
 
 def require_dcc_inputs(
-    source: Path, campaign: CalibrationCampaign, dcc: DccOutput, *, force: bool
+    source: Path, campaign: CalibrationCampaign, dcc: DccOutput, *, overwrites: bool
 ) -> "DccKey | None":
     """Raise an error, before any log is replayed, if no certificate can be made.
 
@@ -46,7 +46,7 @@ def require_dcc_inputs(
     from recordings.dcc.write_dcc import refuse_campaign_incomplete_for_dcc
 
     refuse_campaign_incomplete_for_dcc(campaign, source)
-    require_writable_output(dcc.file, force=force)
+    require_writable_output(dcc.file, overwrites=overwrites)
     if dcc.key_file is None and dcc.certificate_file is not None:
         raise EvidenceError("--dcc-certificate and --dcc-key belong together; give both")
     return (
@@ -60,7 +60,7 @@ def write_and_verify_dcc(
     dcc_output: DccOutput,
     dcc_key: "DccKey | None",
     *,
-    force: bool,
+    overwrites: bool,
 ) -> str:
     """Write the digital calibration certificate of a bundle, and verify it.
 
@@ -83,7 +83,7 @@ def write_and_verify_dcc(
     data = serialise_dcc_to_xml(signed)
     name = str(dcc_output.file)
     checked = check_dcc_signature(parse_untrusted_dcc(data, name), name)
-    with stage_output_file(dcc_output.file, force=force) as partial:
+    with stage_output_file(dcc_output.file, overwrites=overwrites) as partial:
         partial.write_bytes(data)
     if not checked.key_id:
         return f"{dcc_output.file} is unsigned; sign it with --dcc-key KEY.pem (ECDSA or RSA)"

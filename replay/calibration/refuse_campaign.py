@@ -45,7 +45,9 @@ def refuse_outputs_among_campaign_files(
             refuse_input_as_output(output, (path for path in paths if path.exists()))
 
 
-def refuse_impossible_timestamp_request(file: Path, key: SigningKey | None, *, force: bool) -> None:
+def refuse_impossible_timestamp_request(
+    file: Path, key: SigningKey | None, *, overwrites: bool
+) -> None:
     """Raise an error, before any log is replayed, if a time stamp cannot be requested.
 
     Raises:
@@ -55,7 +57,7 @@ def refuse_impossible_timestamp_request(file: Path, key: SigningKey | None, *, f
     if key is None:
         raise EvidenceError("--timestamp-request needs a signature; give --key")
     require_timestamp_library()
-    require_writable_output(file, force=force)
+    require_writable_output(file, overwrites=overwrites)
 
 
 def refuse_run_days_unlike_logs(

@@ -87,7 +87,7 @@ def command(
         if check is not None and previous is not None:
             known = KnownMassOnBoard(check, check_u, certificate, day)
             made = write_evidence_of_mass_check(
-                source, known, output, previous=previous, key_file=key, force=force
+                source, known, output, previous=previous, key_file=key, overwrites=force
             )
         else:
             made = calibrate_from_campaign(
@@ -95,8 +95,8 @@ def command(
                 output,
                 key_file=key,
                 previous=previous,
-                recordings=recordings,
-                force=force,
+                keeps_recordings=recordings,
+                overwrites=force,
                 timestamp_request_file=timestamp_request,
                 dcc=None if dcc is None else DccOutput(dcc, dcc_key, dcc_certificate),
                 on_log=stages.begin_stage,

@@ -189,13 +189,13 @@ def _warn_of_old_keys_on_exit() -> Generator[None]:
 
     with warnings.catch_warnings():
         warnings.simplefilter("always", OldNameWarning)
-        others, told = warnings.showwarning, set[str]()
+        others, shown_messages = warnings.showwarning, set[str]()
 
         def show_warning_once(message: Warning | str, category: type[Warning], *rest: Any) -> None:
             if category is not OldNameWarning:
                 others(message, category, *rest)
-            elif str(message) not in told:
-                told.add(str(message))
+            elif str(message) not in shown_messages:
+                shown_messages.add(str(message))
                 typer.echo(f"payscope: {join_to_one_line(str(message))}", err=True)
 
         warnings.showwarning = show_warning_once

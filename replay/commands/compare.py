@@ -66,7 +66,7 @@ def command(
         b,
         OverlayOutput(output, force),
         relative_tolerance=rtol,
-        other_logs=other_logs,
+        allows_different_logs=other_logs,
         calibration=make_calibration_request(
             calibration, key, is_signature_required=require_signed
         ),

@@ -41,7 +41,7 @@ def command(
         open_log(log, time=make_time_axis_from_options(time, time_unit, keys)) as opened,
         StageProgress(1) as stages,
     ):
-        made = convert_log(opened, output, topics, force=force, on_span=stages.begin_stage)
+        made = convert_log(opened, output, topics, overwrites=force, on_span=stages.begin_stage)
     if as_json:
         print_json(made.to_dict())
     else:

@@ -26,7 +26,7 @@ def command(
     from replay.demo.run_demo import STEPS, run_demo
 
     with StageProgress(len(STEPS)) as stages:
-        result = run_demo(output, seed=seed, force=force, on_stage=stages.begin_stage)
+        result = run_demo(output, seed=seed, overwrites=force, on_stage=stages.begin_stage)
     if as_json:
         print_json(result.to_dict())
     else:

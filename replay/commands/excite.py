@@ -61,7 +61,7 @@ def command(
     wanted = _parse_percent_or_fraction(accuracy)
     if output:
         refuse_input_as_output(output, [scenario] if scenario else [])
-        require_writable_output(output, force=force)
+        require_writable_output(output, overwrites=force)
     base = load_scenario_file(scenario, overrides or [])
     made = design_excitation(base, motion, wanted, window, yard)
     if as_json:
@@ -69,7 +69,7 @@ def command(
     else:
         make_stdout_console().print(_render_excitation_design(made))
     if output and made.best:
-        write_scenario_file(made.to_scenario(base), output, force=force)
+        write_scenario_file(made.to_scenario(base), output, overwrites=force)
         typer.echo(str(output), err=as_json)
     if not made.is_accuracy_reached:
         raise typer.Exit(1)

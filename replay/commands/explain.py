@@ -64,15 +64,15 @@ def command(
     if overrides and machine is None:
         raise typer.BadParameter("--set changes a machine file; give the file with -m")
     asked = ExplainRequest(
-        recording, machine, tuple(overrides or ()), at_s, picture, corrected_file, force=force
+        recording, machine, tuple(overrides or ()), at_s, picture, corrected_file, overwrites=force
     )
     with StageProgress(LIMITS.replay_stages) as stages:
         explained, corrected = explain_run_and_correct_machine(asked, stages.begin_stage)
     if as_json:
-        told = (
+        corrected_machine_entry = (
             {} if corrected is None else {"mended": _convert_corrected_machine_to_dict(corrected)}
         )
-        print_json({**explained.to_dict(), **told})
+        print_json({**explained.to_dict(), **corrected_machine_entry})
     else:
         _print_explanation(explained, corrected, asked.picture)
     if corrected is not None and corrected.path is None:
@@ -98,13 +98,16 @@ def split_into_picture_and_machine_file(
     files = [path for path in paths if path.suffix == ".toml"]
     pictures = [path for path in paths if path.suffix != ".toml"]
     if len(files) > 1 or len(pictures) > 1:
-        raise typer.BadParameter("-o takes one picture, and with --apply one .toml")
+        extra = ", ".join(map(str, files[1:] + pictures[1:]))
+        raise typer.BadParameter(f"-o takes at most one picture and one .toml, not also {extra}")
     if is_machine_file_wanted and not files:
         raise typer.BadParameter(
             "--apply writes a machine file; name it, for example -o mended.toml"
         )
     if files and not is_machine_file_wanted:
-        raise typer.BadParameter(f"{files[0]}: a machine file is only written with --apply")
+        raise typer.BadParameter(
+            f"{files[0]}: a machine file is only written with --apply; add it, or name a picture"
+        )
     return ExplainOutputs(pictures[0] if pictures else None, files[0] if files else None)
 
 

@@ -101,7 +101,7 @@ def run_command(
             _make_task_engine_factory(address, workers),
             shown.count_finished_log,
             shown.note_engine_slots,
-            recordings=recordings,
+            keeps_recordings=recordings,
         )
     if as_json:
         print_json(did.to_dict())
@@ -131,14 +131,13 @@ def query_command(
 
     chosen = choose_output_format(output_format and output_format.value, output)
     if output is not None:
-        require_writable_output(output, force=force)
+        require_writable_output(output, overwrites=force)
     rows = query_fleet_tables(open_results_of_fleet(results), sql)
     if chosen == "table" and output is None:
         print_frame_as_table(rows)
         return
-    print_or_write_frame(
-        rows, chosen, output, force=force, render=lambda: format_frame_as_table(rows, rows.height)
-    )
+    render = partial(format_frame_as_table, rows, rows.height)
+    print_or_write_frame(rows, chosen, output, overwrites=force, render=render)
 
 
 @app.command(name="report")
@@ -161,7 +160,7 @@ def report_command(
         results,
         fleet_results.last_run.fleet,
         output,
-        force=force,
+        overwrites=force,
         friction_limit_N_s_m=friction_limit,
     )
     said = made.to_dict()
@@ -272,7 +271,7 @@ def open_command(
         if output is None:
             view_recording(recording, at_s=at_s)
             return
-        with stage_output_file(output, force=force) as written:
+        with stage_output_file(output, overwrites=force) as written:
             shutil.copyfile(recording, written)
     typer.echo(output)
 
@@ -313,10 +312,10 @@ def _replay_fleet_with_other_settings(
     from replay.fleet.compare_results import RunCallbacks, replay_fleet_with_settings
 
     with FleetProgress() as shown:
-        told = RunCallbacks(
+        callbacks = RunCallbacks(
             shown.begin_progress_bar, shown.count_finished_log, shown.note_engine_slots
         )
-        other, did, gone = replay_fleet_with_settings(results, overrides, days, engine, told)
+        other, did, gone = replay_fleet_with_settings(results, overrides, days, engine, callbacks)
     if gone:
         typer.echo(f"{gone} logs are no longer at their old paths and were left out", err=True)
     for source, why in sorted(did.failed.items()):

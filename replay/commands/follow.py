@@ -124,7 +124,7 @@ def command(
             output=output,
             reports=reports,
             server=server.address if server else None,
-            force=force,
+            overwrites=force,
         )
         opened.callback(outputs.finish_files)
         opened.enter_context(warn_of_slow_compilation(lambda: typer.echo(COMPILING, err=True)))

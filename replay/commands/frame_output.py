@@ -47,7 +47,7 @@ def print_or_write_frame(
     output_format: str,
     output: Path | None,
     *,
-    force: bool,
+    overwrites: bool,
     render: Callable[[], str],
     json_records: Any = None,
 ) -> None:
@@ -57,7 +57,7 @@ def print_or_write_frame(
         frame: the rows.
         output_format: table, csv, json, parquet or arrow.
         output: file to write; None for stdout.
-        force: whether to replace an existing file.
+        overwrites: whether to replace an existing file.
         render: function that renders the frame as a table.
         json_records: values to write as JSON instead of the rows; None for the rows.
 
@@ -88,7 +88,7 @@ def print_or_write_frame(
         else:
             typer.echo(format_frame_as_text(), nl=False)
         return
-    with stage_output_file(output, force=force) as partial:
+    with stage_output_file(output, overwrites=overwrites) as partial:
         if output_format in _BINARY:
             # through memory: for a full disk, polars reports only that computing failed
             written = BytesIO()

@@ -212,13 +212,13 @@ def _make_field_rows(log_info: "LogInfo") -> list[tuple[str, ...]]:
 
 
 def _iter_log_problems(log_info: "LogInfo") -> Iterator[str]:
-    told = {loss.topic for loss in log_info.losses}
+    topics_with_losses = {loss.topic for loss in log_info.losses}
     for loss in log_info.losses:
         # the file of a topic's loss is stated only for a part of a log
         is_of_log = bool(loss.topic) and loss.source == log_info.path.name
         yield f"{loss.topic}: {loss.what}" if is_of_log else str(loss)
     for row in log_info.topics.iter_rows(named=True):
-        if row["problem"] and row["topic"] not in told:
+        if row["problem"] and row["topic"] not in topics_with_losses:
             yield f"{row['topic']} (no messages): {row['problem']}"
         if row["decoder"] == "rosbags":
             yield (

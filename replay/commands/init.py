@@ -50,7 +50,7 @@ def command(
     if campaign is not None:
         from replay.init.campaign_draft import draft_campaign_file
 
-        require_writable_output(output, force=force)
+        require_writable_output(output, overwrites=force)
         text, lacking = draft_campaign_file(campaign, output, machine)
     else:
         assert log is not None
@@ -63,7 +63,7 @@ def command(
             found = [*BRAKING] if missing else propose_settings_by_replaying_draft(opened, text)
             text = "\n".join([drop_answered_brake_question(text, found), *found])
         lacking += [f"still missing: {sentence}" for sentence in missing]
-    with stage_output_file(output, force=force) as partial:
+    with stage_output_file(output, overwrites=force) as partial:
         partial.write_text(text, encoding="utf-8")
     for sentence in lacking:
         typer.echo(sentence, err=True)

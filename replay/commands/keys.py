@@ -105,5 +105,5 @@ def _read_public_key_or_key_file(key_text_or_path: str) -> "PublicKey":
     except EvidenceError as fault:
         raise EvidenceError(
             f"{key_text_or_path}: no such file, and not a key in base64 ({fault}); "
-            "give a public key in PEM"
+            "give a PEM file with a public key, or the key in base64"
         ) from None

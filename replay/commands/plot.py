@@ -43,6 +43,6 @@ def command(
     from replay.recording.view_recording import plot_recording
 
     picture = plot_recording(
-        recording, output, figure.value, at_s=at_s, from_s=from_s, to_s=to_s, force=force
+        recording, output, figure.value, at_s=at_s, from_s=from_s, to_s=to_s, overwrites=force
     )
     typer.echo(str(picture))

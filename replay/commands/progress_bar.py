@@ -35,8 +35,14 @@ _K: Final = 2.0
 class StageProgress:
     """Bar that shows the current stage, and measures the seconds of each."""
 
-    def __init__(self, total: int, *, timing: bool = False, warns: bool = True) -> None:
-        self._timing, self._warns = timing, warns
+    def __init__(
+        self,
+        total: int,
+        *,
+        prints_stage_times: bool = False,
+        warns_of_slow_compilation: bool = True,
+    ) -> None:
+        self._timing, self._warns = prints_stage_times, warns_of_slow_compilation
         self._began: list[tuple[str, float]] = []
         self._bar = Progress(
             TextColumn("{task.description:<9}"),

@@ -71,9 +71,9 @@ def command(
     asked = prepare_query_of_sources(sources[:-1], sources[-1], axis)
     try:
         if output is not None and join_within_s is None and chosen in _STREAMED:
-            asked.write_rows_to_file(output, chosen, force=force)
+            asked.write_rows_to_file(output, chosen, overwrites=force)
         else:
-            _print_or_write_query_rows(asked, join_within_s, chosen, output, force=force)
+            _print_or_write_query_rows(asked, join_within_s, chosen, output, overwrites=force)
     finally:
         for loss in dict.fromkeys(map(str, asked.named.losses)):
             typer.echo(f"lost: {loss}", err=True)
@@ -85,7 +85,7 @@ def _print_or_write_query_rows(
     output_format: str,
     output_path: Path | None,
     *,
-    force: bool,
+    overwrites: bool,
 ) -> None:
     from recordings.report.atomic_output import require_writable_output
     from replay.commands.frame_output import (
@@ -95,7 +95,7 @@ def _print_or_write_query_rows(
     )
 
     if output_path is not None:
-        require_writable_output(output_path, force=force)
+        require_writable_output(output_path, overwrites=overwrites)
     rows = query.collect_rows(join_within_s)
     if output_format == "table" and output_path is None:
         print_frame_as_table(rows)
@@ -107,7 +107,7 @@ def _print_or_write_query_rows(
         rows,
         output_format,
         output_path,
-        force=force,
+        overwrites=overwrites,
         render=lambda: format_frame_as_table(rows, rows.height),
     )
 

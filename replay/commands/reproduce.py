@@ -58,7 +58,7 @@ def command(
         if name not in names:
             raise OutputError(f"reproduce {name}: no such item; {suggest_choice(name, names)}")
     wanted = [item for item in ITEMS if item.name in (items or names)]
-    require_writable_reproduction_folder(wanted, output, output_format, force=force)
+    require_writable_reproduction_folder(wanted, output, output_format, overwrites=force)
     reproduction = Reproduction(wanted, windows=trials, campaigns=campaigns, seed=seed)
     with StageProgress(len(reproduction.repetitions)) as stages:
         found = reproduction.compute_paper_items(stages.begin_stage)
@@ -68,5 +68,5 @@ def command(
         "replay a log. Intervals are of 95 %: bootstrap of a root mean square, Student's of a mean "
         "over campaigns."
     )
-    for path in write_reproduction(found, output, output_format, about, force=force):
+    for path in write_reproduction(found, output, output_format, about, overwrites=force):
         typer.echo(str(path))

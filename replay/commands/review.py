@@ -94,7 +94,7 @@ def command(
             rich_help_panel=_VERDICT,
         ),
     ] = None,
-    begin: Annotated[
+    start: Annotated[
         str,
         typer.Option(
             "--from",
@@ -172,7 +172,7 @@ def command(
         "stockpile": stockpile,
     }
     given = RequestedVerdicts(
-        reject or (), accept or (), cycle or (), note, labels, author, begin, end
+        reject or (), accept or (), cycle or (), note, labels, author, start, end
     )
     given.refuse_incomplete_verdicts()
     channels = [parse_label_channel(each) for each in label or ()]
@@ -195,7 +195,7 @@ def command(
             settings = load_machine(machine, overrides or [])
             given = replace(given, spans=read_label_spans(logs, channels, settings))
         options = ReviewOptions(overrides or [], asked, target, full, decimal_comma, force)
-        with StageProgress(len(STAGES) + 3, timing=timing) as stages:
+        with StageProgress(len(STAGES) + 3, prints_stage_times=timing) as stages:
             made = review_shift(logs, machine, output, options, stages.begin_stage)
         if given:
             made = recount_review_with_verdicts(output, given)

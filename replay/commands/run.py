@@ -108,7 +108,7 @@ def command(
     asked = make_calibration_request(calibration, key, is_signature_required=require_signed)
 
     def replay_to(to: RecordingOutput) -> "Answer":
-        with StageProgress(len(STEPS), timing=timing) as stages:
+        with StageProgress(len(STEPS), prints_stage_times=timing) as stages:
             return replay_and_record_logs(
                 logs,
                 machine,
@@ -172,9 +172,9 @@ def _make_empty_span_overrides(empty_span: str | None) -> list[str]:
     """Make overrides for an empty span given as `FROM:TO`; none for None."""
     if empty_span is None:
         return []
-    begin, colon, end = empty_span.partition(":")
+    start, colon, end = empty_span.partition(":")
     try:
-        first, last = float(begin), float(end)
+        first, last = float(start), float(end)
     except ValueError:
         first = last = 0.0
     if not colon or not first < last:

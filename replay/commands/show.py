@@ -52,7 +52,9 @@ def command(
                 "--at gives one time, --from and --to give a range; use one or the other"
             )
         seconds = (start_s, end_s) if at_s is None else at_s
-        _print_or_write_frame_rows((recording, frame, asked), seconds, wanted, output, force=force)
+        _print_or_write_frame_rows(
+            (recording, frame, asked), seconds, wanted, output, overwrites=force
+        )
     elif calibration is not None:
         raise typer.BadParameter("--calibration applies to the frame 'loads' only; name that frame")
     elif (start_s, end_s, at_s, output) != (None, None, None, None):
@@ -102,7 +104,7 @@ def _print_or_write_frame_rows(
     output_format: str | None,
     output: Path | None,
     *,
-    force: bool,
+    overwrites: bool,
 ) -> None:
     """Print or write the rows of one frame in a time range, or at one time."""
     from recordings.report.atomic_output import refuse_input_as_output, require_writable_output
@@ -118,7 +120,7 @@ def _print_or_write_frame_rows(
     output_format = choose_output_format(output_format, output)
     if output is not None:
         refuse_input_as_output(output, [recording])
-        require_writable_output(output, force=force)
+        require_writable_output(output, overwrites=overwrites)
     stage = RecordedStage.read_frame_as_stage(recording, name)
     if calibration is not None:
         stage = stage.apply_calibration_to_masses(calibration)
@@ -134,7 +136,7 @@ def _print_or_write_frame_rows(
         stage.rows,
         output_format,
         output,
-        force=force,
+        overwrites=overwrites,
         render=lambda: format_frame_as_table(
             stage.make_frame_with_readable_times(), stage.rows.height
         ),

@@ -27,6 +27,6 @@ def command(
     from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
     for path in simulate_scenario_to_logs(
-        load_scenario_file(scenario, overrides or []), output, force=force
+        load_scenario_file(scenario, overrides or []), output, overwrites=force
     ):
         typer.echo(str(path))

@@ -100,7 +100,7 @@ def command(
         ),
         output_format=wanted and wanted.value,
         output_paths=(output, figure),
-        force=force,
+        overwrites=force,
     )
     if not weighs:
         typer.echo("No combination can weigh: every mass is withheld.", err=True)
@@ -114,7 +114,7 @@ def run_and_print_sweep(
     calibration: CalibrationRequest | None,
     output_format: str | None,
     output_paths: tuple[Path | None, Path | None],
-    force: bool,
+    overwrites: bool,
 ) -> bool:
     """Run the sweep, and print, write and draw its rows.
 
@@ -134,10 +134,10 @@ def run_and_print_sweep(
     output_format = choose_output_format(output_format, output)
     if output is not None:
         refuse_input_as_output(output, [*logs, machine_file])
-        require_writable_output(output, force=force)
+        require_writable_output(output, overwrites=overwrites)
     if figure is not None:
         refuse_input_as_output(figure, [*logs, machine_file])
-        require_writable_picture(figure, force=force)
+        require_writable_picture(figure, overwrites=overwrites)
         if figure == output:
             raise OutputError(
                 f"{figure}: is named for both -o and --figure; give two different files"
@@ -160,7 +160,7 @@ def run_and_print_sweep(
             _make_frame_of_results(rows),
             output_format,
             output,
-            force=force,
+            overwrites=overwrites,
             render=lambda: _format_swept_setting_value(render_sweep_tables(rows)),
             json_records=[_make_json_row(row) for row in rows],
         )
@@ -168,7 +168,10 @@ def run_and_print_sweep(
         from recordings.plots.sweep_figure import plot_sweep
 
         drawn = plot_sweep(
-            [_make_figure_row(row) for row in rows], figure, reference_kg=reference_kg, force=force
+            [_make_figure_row(row) for row in rows],
+            figure,
+            reference_kg=reference_kg,
+            overwrites=overwrites,
         )
         typer.echo(f"figure: {drawn}", err=True)
     return any(row.answer.verdict.can_weigh for row in rows)
@@ -197,10 +200,10 @@ def _make_json_row(sweep_row: SweepRow) -> dict[str, Any]:
     """Make a row in the format of `run --json`, with the varied settings and the errors."""
     # without items that need hashes: logs that are replayed many times are not hashed
     left_out = ("losses", "notes", "recording", "fingerprint")
-    told = {
+    answer_entries = {
         name: value for name, value in sweep_row.answer.to_dict().items() if name not in left_out
     }
-    return {"over": _parse_swept_setting_values(sweep_row), **told, **sweep_row.errors}
+    return {"over": _parse_swept_setting_values(sweep_row), **answer_entries, **sweep_row.errors}
 
 
 def _make_frame_of_results(sweep_rows: Sequence[SweepRow]) -> pl.DataFrame:

@@ -71,7 +71,7 @@ def command(
     executed.
     """
     if page:
-        _write_verifier_page(folders or [], output, force=force)
+        _write_verifier_page(folders or [], output, overwrites=force)
         return
     if output is not None or not folders:
         what = (
@@ -115,7 +115,9 @@ def command(
         raise typer.Exit(int(found.outcome))
 
 
-def _write_verifier_page(given_folders: list[Path], page_path: Path | None, *, force: bool) -> None:
+def _write_verifier_page(
+    given_folders: list[Path], page_path: Path | None, *, overwrites: bool
+) -> None:
     """Write the page that checks evidence in a browser."""
     if given_folders:
         raise typer.BadParameter(
@@ -129,7 +131,7 @@ def _write_verifier_page(given_folders: list[Path], page_path: Path | None, *, f
     from recordings.report.atomic_output import stage_output_file
 
     target = page_path or Path(NAME)
-    with stage_output_file(target, force=force) as written:
+    with stage_output_file(target, overwrites=overwrites) as written:
         written.write_bytes(build_verifier_page())
     typer.echo(f"{target}: SHA-256 {compute_verifier_page_sha256()}")
 

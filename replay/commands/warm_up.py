@@ -32,7 +32,7 @@ def command(
         from replay.commands.progress_bar import StageProgress
         from replay.warm_up.compile_loops import STEPS, compile_all_loops
 
-        with StageProgress(len(STEPS), warns=False) as stages:
+        with StageProgress(len(STEPS), warns_of_slow_compilation=False) as stages:
             compile_all_loops(stages.begin_stage)
         record_that_all_loops_are_cached()
     typer.echo(f"everything is compiled: {folder}")

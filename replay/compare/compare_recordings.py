@@ -76,11 +76,11 @@ class OverlayOutput:
 
     Attributes:
         path: recording to write; None writes none.
-        force: whether to replace an existing file.
+        overwrites: whether to replace an existing file.
     """
 
     path: Path | None = None
-    force: bool = False
+    overwrites: bool = False
 
 
 _NOWHERE: Final = OverlayOutput()
@@ -92,7 +92,7 @@ def compare_recordings(
     overlay: OverlayOutput = _NOWHERE,
     *,
     relative_tolerance: float = 0.0,
-    other_logs: bool = False,
+    allows_different_logs: bool = False,
     calibration: "CalibrationRequest | None" = None,
 ) -> Comparison:
     """Compare two recordings, and optionally write both into one recording.
@@ -102,8 +102,8 @@ def compare_recordings(
         path_b: recording to compare with it.
         overlay: output for a recording of both.
         relative_tolerance: relative tolerance of numbers.
-        other_logs: whether the recordings may be of different logs; then only settings, masses and
-            verdict are compared.
+        allows_different_logs: whether the recordings may be of different logs; then only settings,
+            masses and verdict are compared.
         calibration: evidence that calibrates the masses of both.
 
     Raises:
@@ -112,7 +112,7 @@ def compare_recordings(
     """
     if overlay.path is not None:
         refuse_input_as_output(overlay.path, [path_a, path_b])
-        require_writable_recording(overlay.path, force=overlay.force)
+        require_writable_recording(overlay.path, overwrites=overlay.overwrites)
     with open_recording(path_a) as first, open_recording(path_b) as second:
         mine, theirs = RecordedRun(first, calibration), RecordedRun(second, calibration)
         if not set(mine.stages) & set(theirs.stages):
@@ -121,7 +121,7 @@ def compare_recordings(
                 f"({', '.join(mine.stages) or 'none'} | "
                 f"{', '.join(theirs.stages) or 'none'}); compare replays of one log"
             )
-        if not other_logs and not do_runs_replay_same_log(mine, theirs):
+        if not allows_different_logs and not do_runs_replay_same_log(mine, theirs):
             names = [
                 ", ".join(each.name for each in replay.provenance.inputs) or "no file"
                 for replay in (mine, theirs)
@@ -132,7 +132,12 @@ def compare_recordings(
                 "SHA-256), so their rows cannot be compared; give --other-logs to compare "
                 "settings, masses and verdict only"
             )
-        found = compare_runs(mine, theirs, rtol=relative_tolerance, rows_correspond=not other_logs)
+        found = compare_runs(
+            mine,
+            theirs,
+            relative_tolerance=relative_tolerance,
+            do_rows_correspond=not allows_different_logs,
+        )
         if overlay.path is not None:
             from recordings.compare.overlay_recording import (
                 format_comparison_markdown,
@@ -144,8 +149,8 @@ def compare_recordings(
                 theirs.read_run_with_displayed_columns(),
                 overlay.path,
                 format_comparison_markdown(found, path_a.name, path_b.name),
-                is_same_log=not other_logs,
-                force=overlay.force,
+                is_same_log=not allows_different_logs,
+                overwrites=overlay.overwrites,
             )
         return found
 

@@ -97,7 +97,7 @@ def convert_log(
     target: Path,
     topics: Sequence[str] | None = None,
     *,
-    force: bool = False,
+    overwrites: bool = False,
     on_span: Callable[[str], None] = lambda _: None,
     span_messages: int = LIMITS.span_messages,
 ) -> Conversion:
@@ -111,7 +111,7 @@ def convert_log(
         log: opened log.
         target: output folder; it appears when complete.
         topics: topics to convert; None converts all decodable ones.
-        force: whether to replace an existing converted log.
+        overwrites: whether to replace an existing converted log.
         on_span: called when a span begins: "convert 2 of 7".
         span_messages: most messages per span.
 
@@ -120,7 +120,7 @@ def convert_log(
         OutputError: the folder cannot be written, or exists already.
     """
     refuse_input_as_output(target, [log.path])
-    require_writable_folder(target, force=force, marker=DESCRIPTION)
+    require_writable_folder(target, overwrites=overwrites, marker=DESCRIPTION)
     making = RunningConversion(log, topics)
     try:
         with open_unfinished_folder(target) as folder:
@@ -180,10 +180,11 @@ class RunningConversion:
     def convert_by_time_spans(
         self, working_folder: UnfinishedFolder, span_messages: int, on_span: Callable[[str], None]
     ) -> ConvertedSpans:
-        """Convert span by span, or in one pass if spans might give other rows.
+        """Convert span by span; in one pass if that would differ, or if the log has faults.
 
         Returns:
-            Parts of each span, and number of spans from an earlier conversion.
+            The converted parts of each span, and how many spans an earlier, interrupted conversion
+            had finished.
         """
         borders = self._choose_span_boundaries_ns(span_messages)
         plan = ConversionPlan(

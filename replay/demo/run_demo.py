@@ -147,7 +147,7 @@ class DemoResults:
 
 
 def run_demo(
-    folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None]
+    folder: Path, *, seed: int, overwrites: bool, on_stage: Callable[[str], None]
 ) -> DemoResults:
     """Simulate a campaign, calibrate, verify the evidence, replay it on one time line, and record.
 
@@ -156,7 +156,7 @@ def run_demo(
     Args:
         folder: folder for the files, created if missing.
         seed: seed of the simulated noise.
-        force: whether files of an earlier demo may be replaced.
+        overwrites: whether files of an earlier demo may be replaced.
         on_stage: called with the name of each stage when it begins.
 
     Raises:
@@ -175,26 +175,28 @@ def run_demo(
     hauling = scenario.model_copy(update={"shift": _SHIFT})
     hauled, truth = make_paths_of_simulated_logs(hauling, shift), make_shift_truth_path(shift)
     for output in (machine_file, campaign_file, *keys, recording, picture, *hauled, truth):
-        require_writable_output(output, force=force)
-    require_writable_folder(evidence, force=force, marker=EVIDENCE)
-    if page.exists() and force:
+        require_writable_output(output, overwrites=overwrites)
+    require_writable_folder(evidence, overwrites=overwrites, marker=EVIDENCE)
+    if page.exists() and overwrites:
         refuse_unsuitable_review_folder(page)
     else:
-        require_writable_folder(page, force=force)
-    with stage_output_file(machine_file, force=force) as partial:
+        require_writable_folder(page, overwrites=overwrites)
+    with stage_output_file(machine_file, overwrites=overwrites) as partial:
         shutil.copyfile(find_machine_file_or_shipped_one(_MACHINE), partial)
     on_stage("simulate")
-    logs = simulate_scenario_to_logs(scenario, folder / "campaign.bag", force=force)
-    with stage_output_file(campaign_file, force=force) as partial:
+    logs = simulate_scenario_to_logs(scenario, folder / "campaign.bag", overwrites=overwrites)
+    with stage_output_file(campaign_file, overwrites=overwrites) as partial:
         partial.write_text(
             format_demo_campaign_file(scenario, logs, machine_file.name), encoding="utf-8"
         )
     for path, half in zip(keys, generate_key_pair_pem(), strict=True):
-        with stage_output_file(path, force=force) as partial:
+        with stage_output_file(path, overwrites=overwrites) as partial:
             partial.touch(mode=0o600)
             partial.write_bytes(half)
     on_stage("calibrate")
-    calibrated = calibrate_from_campaign(campaign_file, evidence, key_file=keys[0], force=force)
+    calibrated = calibrate_from_campaign(
+        campaign_file, evidence, key_file=keys[0], overwrites=overwrites
+    )
     on_stage("verify")
     verified = verify_bundle(
         evidence, key_file=keys[1], verification_day=calibrated.document.expires
@@ -202,10 +204,10 @@ def run_demo(
     replayed = replay_simulated_campaign(logs, load_machine(machine_file), on_stage)
     replayed = add_evidence_calibration_line(replayed, calibrated, scenario.machine.mass_kg)
     on_stage("record")
-    write_recording(replayed, recording, force=force)
-    plot_run(replayed, picture, force=force)
+    write_recording(replayed, recording, overwrites=overwrites)
+    plot_run(replayed, picture, overwrites=overwrites)
     on_stage("review")
-    simulate_scenario_to_logs(hauling, shift, force=force)
+    simulate_scenario_to_logs(hauling, shift, overwrites=overwrites)
     by = CalibrationRequest(evidence, keys[1], is_signature_required=True)
     asked = ReviewOptions(calibration=by, target_kg=_TARGET_KG)
     reviewed = review_shift(hauled, machine_file, page, asked)

@@ -39,7 +39,7 @@ class ExplainRequest:
         at_s: time in s to explain; None for the whole run.
         picture: picture to write; None draws none.
         corrected_file: corrected machine file to write; None writes none.
-        force: whether to replace existing files.
+        overwrites: whether to replace existing files.
     """
 
     path: Path
@@ -48,7 +48,7 @@ class ExplainRequest:
     at_s: float | None = None
     picture: Path | None = None
     corrected_file: Path | None = None
-    force: bool = False
+    overwrites: bool = False
 
 
 class ExplainedRun(NamedTuple):
@@ -80,13 +80,15 @@ def explain_run_and_correct_machine(
     if explain_request.picture is not None:
         from recordings.explain.explanation_view import plot_explanation
 
-        plot_explanation(whole, explained, explain_request.picture, force=explain_request.force)
+        plot_explanation(
+            whole, explained, explain_request.picture, overwrites=explain_request.overwrites
+        )
     if explain_request.corrected_file is None or explain_request.machine_file is None:
         return ExplainedRun(explained, None)
     from replay.explain.try_proposals import MachineText, write_corrected_machine_file
 
     source = MachineText(explain_request.machine_file, explain_request.overrides)
-    output = (explain_request.corrected_file, explain_request.force)
+    output = (explain_request.corrected_file, explain_request.overwrites)
     return ExplainedRun(
         explained,
         write_corrected_machine_file(explain_request.path, source, whole, output, on_stage),
@@ -109,7 +111,7 @@ def _refuse_contradictory_request(explain_request: ExplainRequest) -> None:
     ]
     if explain_request.picture is not None:
         refuse_input_as_output(explain_request.picture, inputs)
-        require_writable_picture(explain_request.picture, force=explain_request.force)
+        require_writable_picture(explain_request.picture, overwrites=explain_request.overwrites)
     if explain_request.corrected_file is not None:
         if explain_request.machine_file is None:
             raise MachineError(
@@ -117,7 +119,9 @@ def _refuse_contradictory_request(explain_request: ExplainRequest) -> None:
                 "file with -m"
             )
         refuse_input_as_output(explain_request.corrected_file, inputs)
-        require_writable_output(explain_request.corrected_file, force=explain_request.force)
+        require_writable_output(
+            explain_request.corrected_file, overwrites=explain_request.overwrites
+        )
 
 
 def _refuse_time_outside_run(explain_request: ExplainRequest, run: Run) -> None:

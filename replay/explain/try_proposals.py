@@ -131,8 +131,8 @@ class ProposalReplays:
         topics = self.log.topics().filter(
             pl.col("topic").is_in(list(list_channel_fields(self.load(self.text, ()))))
         )
-        begin, end = topics["start_ns"].min(), topics["end_ns"].max()
-        return (begin if isinstance(begin, int) else 0), (end if isinstance(end, int) else 0)
+        start, end = topics["start_ns"].min(), topics["end_ns"].max()
+        return (start if isinstance(start, int) else 0), (end if isinstance(end, int) else 0)
 
 
 @dataclass
@@ -196,7 +196,7 @@ def write_corrected_machine_file(
         )
     if not progress.changes:
         return _make_corrected_machine(None, progress, run_without_proposals)
-    with stage_output_file(output[0], force=output[1]) as partial:
+    with stage_output_file(output[0], overwrites=output[1]) as partial:
         partial.write_text(
             insert_proposals_into_machine_file(text, progress.changes, file), encoding="utf-8"
         )

@@ -27,7 +27,7 @@ from replay.fleet.object_store import ObjectStore
 from replay.fleet.results_layout import (
     MARK,
     ResultName,
-    encode_table_as_parquet_bytes,
+    encode_compressed_parquet_table,
     parse_result_name,
 )
 from replay.frames.select_statement import (
@@ -107,7 +107,7 @@ class FleetResults:
             whole = pl.concat([pl.DataFrame(schema=make_table_schema(table)), *frames])
             ordered = whole.sort(_ORDER, maintain_order=True, nulls_last=True)
             self.store.write_object(
-                f"{folder}/{table}.parquet", encode_table_as_parquet_bytes(ordered)
+                f"{folder}/{table}.parquet", encode_compressed_parquet_table(ordered)
             )
         self.store.delete_objects(
             [f"{each}/{table}.parquet" for each in old_names for table in TABLES]

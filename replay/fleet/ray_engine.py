@@ -107,7 +107,9 @@ def start_ray_engine(address: str | None, workers: int | None) -> Generator["Ray
         )
     except (ConnectionError, RuntimeError, ValueError) as error:
         first = str(error).strip().partition("\n")[0]
-        raise FleetError(f"--address {address}: no cluster answers ({first})") from None
+        raise FleetError(
+            f"--address {address}: no cluster answers ({first}); start it, or correct the address"
+        ) from None
     for number, handler in handlers.items():
         # Ray's handler would exit without the command's cleaning up
         with suppress(ValueError):
@@ -128,7 +130,9 @@ def refuse_address_without_listener(address: str) -> None:
     try:
         socket.create_connection((host, int(port)), timeout=LIMITS.answer_s).close()
     except (OSError, OverflowError) as error:
-        raise FleetError(f"--address {address}: no cluster answers ({error})") from None
+        raise FleetError(
+            f"--address {address}: no cluster answers ({error}); start it, or correct the address"
+        ) from None
 
 
 class _StreamWithoutRay:

@@ -77,18 +77,20 @@ def write_result_tables(
     for each, frame in frames.items():
         store.write_object(
             result_name.make_object_name_of_table(each),
-            encode_table_as_parquet_bytes(convert_frame_to_table_rows(each, frame, of)),
+            encode_compressed_parquet_table(convert_frame_to_table_rows(each, frame, of)),
         )
     columns = {
         c.name: pl.Series([results_row.get(c.name)], dtype=c.dtype) for c in TABLES[MARK].columns
     }
     store.write_object(
         result_name.make_object_name_of_table(MARK),
-        encode_table_as_parquet_bytes(convert_frame_to_table_rows(MARK, pl.DataFrame(columns), of)),
+        encode_compressed_parquet_table(
+            convert_frame_to_table_rows(MARK, pl.DataFrame(columns), of)
+        ),
     )
 
 
-def encode_table_as_parquet_bytes(frame: pl.DataFrame) -> bytes:
+def encode_compressed_parquet_table(frame: pl.DataFrame) -> bytes:
     """Encode a table as a Parquet file, compressed by zstd."""
     written = io.BytesIO()
     frame.write_parquet(written, compression="zstd", statistics=True)

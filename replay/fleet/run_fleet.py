@@ -98,7 +98,7 @@ def replay_logs_of_fleet(
     on_done: OnDone = lambda _, __: None,
     on_engine: Callable[[TaskEngine], None] = lambda _: None,
     *,
-    recordings: bool = False,
+    keeps_recordings: bool = False,
 ) -> FleetRun:
     """Replay the logs that have no result yet.
 
@@ -109,7 +109,7 @@ def replay_logs_of_fleet(
         logs: logs from `list_logs_of_sources`.
         plan: replay setups of each log.
         destination: a folder, or `s3://bucket/prefix`.
-        recordings: whether to keep every recording's `.rrd`.
+        keeps_recordings: whether to keep every recording's `.rrd`.
         engine: opens an engine; not called if all results exist.
         on_done: called with each finished log and its outcome.
         on_engine: called with the engine once it is open.
@@ -117,7 +117,7 @@ def replay_logs_of_fleet(
     place = destination if destination.startswith(S3) else str(Path(destination).absolute())
     results = FleetResults(ObjectStore(place))
     did = FleetRun(destination)
-    tasks, setups = _plan_replay_tasks(logs, plan, place, did, recordings=recordings)
+    tasks, setups = _plan_replay_tasks(logs, plan, place, did, keeps_recordings=keeps_recordings)
     for log in logs:
         if log.source in did.failed:
             on_done(log, TaskOutcome("failed", did.failed[log.source]))
@@ -164,7 +164,7 @@ def _plan_replay_tasks(
     store_address: str,
     fleet_run: FleetRun,
     *,
-    recordings: bool,
+    keeps_recordings: bool,
 ) -> tuple[list[ReplayTask], dict[str, tuple[MachineSetup, ...]]]:
     """Make a task for each log, and collect the setups of all machines."""
     tasks: list[ReplayTask] = []
@@ -179,7 +179,9 @@ def _plan_replay_tasks(
         by_machine[setups[0].name] = setups
         memory = plan.time_and_memory_limits.compute_memory_bytes_for_log(log.size_bytes)
         seconds = plan.time_and_memory_limits.seconds
-        tasks.append(ReplayTask(log, setups, store_address, recordings, seconds, memory, versions))
+        tasks.append(
+            ReplayTask(log, setups, store_address, keeps_recordings, seconds, memory, versions)
+        )
     return tasks, by_machine
 
 

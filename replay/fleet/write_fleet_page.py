@@ -67,7 +67,7 @@ def write_fleet_report(
     fleet_name: str,
     page_path: Path,
     *,
-    force: bool = False,
+    overwrites: bool = False,
     friction_limit_N_s_m: float | None = None,
 ) -> FleetReport:
     """Write the page of a fleet.
@@ -77,14 +77,14 @@ def write_fleet_report(
         destination: destination of the results, for the commands on the page.
         fleet_name: name of the fleet.
         page_path: path of the page to write.
-        force: whether an existing page may be replaced.
+        overwrites: whether an existing page may be replaced.
         friction_limit_N_s_m: viscous friction for which to estimate the day on which each machine
             reaches it; None for no estimate.
 
     Raises:
         OutputError: the page exists, or cannot be written.
     """
-    with stage_output_file(page_path, force=force) as written:
+    with stage_output_file(page_path, overwrites=overwrites) as written:
         shown = make_fleet_page(results, destination, fleet_name)
         trends: dict[str, FrictionTrend] = {}
         if friction_limit_N_s_m is not None:

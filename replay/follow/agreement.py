@@ -222,7 +222,7 @@ def record_and_compare_followed_log(
         result = replay_log_so_far(closed, causal, is_copied=is_growing)
     except DataError as error:
         raise DataError(f"{', '.join(map(str, closed))}: {error}") from None
-    write_recording(result, output, force=True)
+    write_recording(result, output, overwrites=True)
     return followed_digests.compare_with_replayed_frames(read_recording(output).frames)
 
 

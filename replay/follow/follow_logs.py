@@ -15,9 +15,9 @@ from analysis.model.machine import Machine
 from analysis.online.follower import FollowedRow, Follower
 from analysis.online.growing_log import copy_machine_with_causal_filters
 from analysis.online.online_limits import LIMITS as ONLINE_LIMITS
-from analysis.online.rehearsal import rehearse
+from analysis.online.rehearsal import compile_loops_by_synthetic_start
 from estimators.errors import DataError, LogError
-from estimators.interpreted import force_compilation
+from estimators.interpreted import compile_even_short_loops
 from estimators.threads import limit_blas_to_one_thread
 from replay.follow.background_replay import find_path_after_closing, is_text_table
 from replay.follow.follow_limits import LIMITS
@@ -112,8 +112,8 @@ def follow_logs(
         log = opened.enter_context(
             closing(open_growing_log(paths, fields, find_time_axis_of_machine(machine)))
         )
-        opened.enter_context(force_compilation())
-        rehearse(follower.log.machine.settings, noise)
+        opened.enter_context(compile_even_short_loops())
+        compile_loops_by_synthetic_start(follower.log.machine.settings, noise)
         # objects of libraries live forever: collecting among them takes 0.1 s, and rows would wait;
         # if the caller has frozen them, they stay frozen
         if not gc.get_freeze_count():

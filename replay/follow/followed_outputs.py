@@ -66,7 +66,7 @@ class FollowedOutputs:
         output: Path | None = None,
         reports: Path | None = None,
         server: str | None = None,
-        force: bool = False,
+        overwrites: bool = False,
     ) -> None:
         """Examine the existing outputs.
 
@@ -78,7 +78,7 @@ class FollowedOutputs:
             output: recording to write, or None.
             reports: MCAP file of reports, or None.
             server: address of a viewer's server, or None.
-            force: whether to replace existing outputs instead of continuing them.
+            overwrites: whether to replace existing outputs instead of continuing them.
 
         Raises:
             OutputError: an output exists and is not of this log and machine file.
@@ -92,12 +92,12 @@ class FollowedOutputs:
         self._from = None
         if output is not None:
             self._from = find_recording_resume_point(
-                output, paths, self._identity, machine, force=force
+                output, paths, self._identity, machine, overwrites=overwrites
             )
         self._replay: ReplayReport | None = None
         self._topic: ReportFile | None = None
         if reports is not None:
-            self._topic = ReportFile(reports, paths, self._identity, force=force)
+            self._topic = ReportFile(reports, paths, self._identity, overwrites=overwrites)
         self._replayed = self._topic.replayed if self._topic else (0, False)
         self._recorded_ns = self._from.until_unix_ns if self._from else 0
         self._until_ns = max(self._recorded_ns, self._topic.until_unix_ns if self._topic else 0)
@@ -111,7 +111,7 @@ class FollowedOutputs:
         self, following: FollowedLogState, online_rows: Sequence[FollowedRow]
     ) -> list[OnlineReport]:
         """Write rows, and return the reports that were not emitted before."""
-        told: list[OnlineReport] = []
+        new_reports: list[OnlineReport] = []
         waiting: list[FollowedRow] = []
         for row in online_rows:
             waiting.append(row)
@@ -124,10 +124,10 @@ class FollowedOutputs:
                 self._write_report_or_stop(
                     partial(ReportFile.append_new_reports, reports=row.reports)
                 )
-                told += [each for each in row.reports if each.unix_ns > self._until_ns]
+                new_reports += [each for each in row.reports if each.unix_ns > self._until_ns]
                 waiting = []
         self._record_rows(following, waiting, None)
-        return told
+        return new_reports
 
     def write_replay_report_if_new(self, report: ReplayReport, unix_ns: int) -> bool:
         """Write the report of a replay, made at `unix_ns` of the log; return whether it is new."""
@@ -234,17 +234,17 @@ def make_input_identity(paths: Sequence[Path], machine: Machine, noise: pl.DataF
 
 
 def find_recording_resume_point(
-    output: Path, paths: Sequence[Path], input_identity: str, machine: Machine, *, force: bool
+    output: Path, paths: Sequence[Path], input_identity: str, machine: Machine, *, overwrites: bool
 ) -> ResumePoint | None:
     """Find the point from which a recording continues; None if it is new.
 
     Raises:
-        OutputError: without `force`, a recording of another log or machine file exists, or a
+        OutputError: without `overwrites`, a recording of another log or machine file exists, or a
             complete one of a log that has not grown.
     """
     refuse_input_as_output(output, (path for path in paths if path.exists()))
-    if force or not output.is_file() or output.stat().st_size == 0:
-        require_writable_recording(output, force=force or output.is_file())
+    if overwrites or not output.is_file() or output.stat().st_size == 0:
+        require_writable_recording(output, overwrites=overwrites or output.is_file())
         return None
     if is_unfinished_recording(output):
         end = read_end_of_recording(output)
@@ -258,7 +258,7 @@ def find_recording_resume_point(
             )
         return ResumePoint(end.about.t0_unix_ns + end.until_ns, end)
     if not has_log_grown(output, paths, machine):
-        require_writable_recording(output, force=False)
+        require_writable_recording(output, overwrites=False)
     last_ns = read_frame(output, "excitation", ["t_ns"])["t_ns"].max()
     assert isinstance(last_ns, int)
     return ResumePoint(read_provenance(output).t0_unix_ns + last_ns, None)

@@ -50,7 +50,9 @@ class ReportFile:
             log.
     """
 
-    def __init__(self, path: Path, logs: Sequence[Path], identity: str, *, force: bool) -> None:
+    def __init__(
+        self, path: Path, logs: Sequence[Path], identity: str, *, overwrites: bool
+    ) -> None:
         """Create a file, or continue one of the same log.
 
         Raises:
@@ -60,9 +62,9 @@ class ReportFile:
         reported: list[tuple[str, Message]] = []
         size = 0
         is_empty = path.is_file() and path.stat().st_size == 0
-        if path.is_file() and not force:
+        if path.is_file() and not overwrites:
             reported, size = read_complete_reports(path, identity)
-        require_writable_output(path, force=force or is_empty or size > 0)
+        require_writable_output(path, overwrites=overwrites or is_empty or size > 0)
         self.path = path
         self.until_unix_ns, self.replayed = 0, (0, False)
         self._stream = _ResumedStream(AppendOnlyFile(path, size))
@@ -261,8 +263,8 @@ def describe_progress_to_target_uncertainty(report: OnlineReport) -> str:
 
 def describe_load_state(load: LoadReport) -> str:
     """Describe a load state in a line: span, mass and payload with uncertainties, or why none."""
-    begin, end = map(format_utc_time_of_day, (load.start_unix_ns, load.end_unix_ns))
-    head = f"load {load.load_id}, {begin} to {end}, {format_count(load.manoeuvres, 'manoeuvre')}: "
+    start, end = map(format_utc_time_of_day, (load.start_unix_ns, load.end_unix_ns))
+    head = f"load {load.load_id}, {start} to {end}, {format_count(load.manoeuvres, 'manoeuvre')}: "
     if load.mass_kg is None:
         return f"{head}no mass, withheld by {load.withheld_by}"
     mass = f"{format_plus_minus(load.mass_kg, load.mass_u_kg)} kg"

@@ -145,13 +145,13 @@ class TopicSource:
         self, path: Path, needed_columns: list[str], time_range: TimeRange
     ) -> Iterator[pl.DataFrame]:
         log = open_or_reuse_log(path, self._time)
-        told = len(self.losses)
+        earlier_losses = len(self.losses)
         try:
             yield from self._iter_frames_of_open_log(log, needed_columns, time_range)
         finally:
             self.losses += [loss for loss in log.losses() if loss not in self.losses]
             # losses of other topics do not concern the reader of this one
-            mine = [each for each in self.losses[told:] if each.topic in ("", self.topic)]
+            mine = [each for each in self.losses[earlier_losses:] if each.topic in ("", self.topic)]
             _warn_of_losses_of_log(path, mine)
 
     def _iter_frames_of_open_log(

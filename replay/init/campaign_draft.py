@@ -212,9 +212,9 @@ def _iter_load_state_spans(log: Log, machine: Machine | None) -> Iterator[_LoadS
         return
     # a run ends midway between two loads, while the machine stood
     middles = [(before["end_t_ns"] + after["start_t_ns"]) / 2e9 for before, after in pairwise(rows)]
-    for row, begin, end in zip(rows, [None, *middles], [*middles, None], strict=True):
+    for row, start, end in zip(rows, [None, *middles], [*middles, None], strict=True):
         stretch = [
-            *([] if begin is None else [f"from_s = {begin:.1f}"]),
+            *([] if start is None else [f"from_s = {start:.1f}"]),
             *([] if end is None else [f"to_s = {end:.1f}"]),
         ]
         yield _LoadStateSpan(

@@ -83,22 +83,22 @@ def draft_machine_file(log: Log, time_axis: TimeAxis | None) -> tuple[str, list[
     """
     topics = log.topics()
     is_table = str(topics["topic"][0]).startswith(TABLE) if topics.height else False
-    told = recognise_channels_of_table(log) if is_table else _recognise_fields(log, topics)
+    recognised = recognise_channels_of_table(log) if is_table else _recognise_fields(log, topics)
     by_type = propose_channels_by_message_type(topics) if is_table else []
-    guesses = _make_channel_guesses([*told.channels, *by_type])
+    guesses = _make_channel_guesses([*recognised.channels, *by_type])
     guesses = list({guess.column: guess for guess in reversed(guesses)}.values())[::-1]
     # channels proposed in comments are asked for already
-    open_columns = {each.column for each in told.channels if each.is_comment}
+    open_columns = {each.column for each in recognised.channels if each.is_comment}
     found = {guess.column for guess in guesses} | (open_columns & _COLUMNS)
-    formulas = {each.column: each.derive for each in told.channels if not each.is_comment}
+    formulas = {each.column: each.derive for each in recognised.channels if not each.is_comment}
     derived = {column: formula for column, formula in formulas.items() if formula}
     found |= set(derived)
     derived |= _derive_missing_channels(found)
     found |= set(derived)
     kinematic = "specific_force_x_m_s2" not in found
     lacking = [
-        *told.questions,
-        *_describe_missing_channels(found, told.questions, needs_acceleration=kinematic),
+        *recognised.questions,
+        *_describe_missing_channels(found, recognised.questions, needs_acceleration=kinematic),
     ]
     lines = [
         f"# A first machine file for {_replace_unprintable(log.path.name)}: check every line.",
@@ -140,7 +140,7 @@ def draft_machine_file(log: Log, time_axis: TimeAxis | None) -> tuple[str, list[
             f"{_format_wheel_unit_comment(guess)}",
             "",
         ]
-    for proposal in told.channels:
+    for proposal in recognised.channels:
         lines += _make_channel_comment_lines(proposal) if proposal.is_comment else []
     has_speed = "speed_x_m_s" in found
     if kinematic and not has_speed and "acc_x_m_s2" not in found:

@@ -178,8 +178,8 @@ def _refuse_unknown_element_names(log: Log, topic: str, frame: pl.DataFrame) -> 
         if named is None or frame[field].null_count() < frame.height:
             continue
         listed = [f"{named['parent']}name[{i}]" for i in range(LIMITS.max_names)]
-        begins = int(frame["log_time_ns"].to_numpy().min())
-        first = log.read(topic, listed, end_ns=begins).select(listed)
+        starts = int(frame["log_time_ns"].to_numpy().min())
+        first = log.read(topic, listed, end_ns=starts).select(listed)
         known = [name for name in first.row(0) if name] if first.height else []
         if named["name"] not in known:
             raise LogError(

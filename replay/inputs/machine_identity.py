@@ -32,11 +32,11 @@ def identify_machine_and_logged_id(logs: Sequence[Log], machine: Machine) -> Mac
     Raises:
         LogError: a log is of another machine, or two logs are of different machines.
     """
-    told = find_machine_id_common_to_logs(logs, machine.machine.id)
-    if not told or machine.machine.id is not None or not is_serial_number(told):
-        return MachineIdentity(machine, told)
-    body = machine.machine.model_copy(update={"id": told})
-    return MachineIdentity(machine.model_copy(update={"machine": body}), told)
+    machine_id = find_machine_id_common_to_logs(logs, machine.machine.id)
+    if not machine_id or machine.machine.id is not None or not is_serial_number(machine_id):
+        return MachineIdentity(machine, machine_id)
+    body = machine.machine.model_copy(update={"id": machine_id})
+    return MachineIdentity(machine.model_copy(update={"machine": body}), machine_id)
 
 
 def find_machine_id_common_to_logs(logs: Sequence[Log], expected_id: str | None) -> str:

@@ -198,7 +198,7 @@ def _is_folder_without_log_format(path: Path) -> bool:
 
 def list_logs_below_folder(folder: Path) -> list[Path]:
     """Bags of a folder and its subfolders; if there are none, its tables."""
-    inside = _list_logs_of_format_folder(folder)
+    inside = _list_visible_entries_of_folder(folder)
     bags = [log for each in inside for log in list_bags(each)]
     tables = [each for each in inside if each.suffix.lower() in _TABLES and each.is_file()]
     # a folder without a log is returned, so that opening it raises the error
@@ -210,14 +210,14 @@ def list_bags(path: Path) -> list[Path]:
     if _is_folder_without_log_format(path):
         return [
             log
-            for each in _list_logs_of_format_folder(path)
+            for each in _list_visible_entries_of_folder(path)
             if not _is_folder_without_log_format(each)
             for log in list_bags(each)
         ]
     return [path] if path.is_dir() or path.suffix.lower() in _BAGS else []
 
 
-def _list_logs_of_format_folder(folder: Path) -> list[Path]:
+def _list_visible_entries_of_folder(folder: Path) -> list[Path]:
     try:
         return sorted(each for each in folder.iterdir() if not each.name.startswith("."))
     except OSError as error:

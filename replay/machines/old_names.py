@@ -166,7 +166,7 @@ def migrate_toml_file(path: Path) -> dict[str, str]:
     if renamed:
         target = path.resolve()  # a link remains a link
         mode = target.stat().st_mode
-        with stage_output_file(target, force=True) as partial:
+        with stage_output_file(target, overwrites=True) as partial:
             partial.write_bytes(text.encode("utf-8"))
             partial.chmod(mode)
     return renamed

@@ -195,7 +195,7 @@ def refuse_altered_list(
         if fault:
             raise EvidenceError(
                 f"{path}: {fault}; the list was changed; `payscope verify {path}` lists all "
-                "faults, and a changed list cannot be continued"
+                "faults; restore the list, or start another one elsewhere with --list"
             )
     if kept_end is None:
         return

@@ -239,7 +239,7 @@ def make_list_entry_of_log(
         digests = {name: file_sha256(inside / name) for name in log.files}
     except OSError:
         return None
-    begins, ends, machine = read_time_span_and_machine_of_log(log.path)
+    starts, ends, machine = read_time_span_and_machine_of_log(log.path)
     if any(
         read_size_and_modification_time(inside / name) != about for name, about in log.files.items()
     ):
@@ -254,7 +254,7 @@ def make_list_entry_of_log(
             NotaryFile(name=name, sha256=digests[name], size_bytes=size, modified_us=us)
             for name, (size, us) in log.files.items()
         ),
-        begins=begins,
+        begins=starts,
         ends=ends,
         listed=_format_current_utc_second(),
         machine_id=machine,

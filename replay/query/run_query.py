@@ -59,26 +59,29 @@ class Query:
             rows, join_within_s, self.named.recordings, self.named.fleet
         )
 
-    def write_rows_to_file(self, path: Path, file_format: str, *, force: bool) -> None:
+    def write_rows_to_file(self, path: Path, file_format: str, *, overwrites: bool) -> None:
         """Write the rows to a file as they are computed, in bounded memory.
 
         Args:
             path: path of the file.
             file_format: parquet, csv or arrow.
-            force: whether to replace an existing file.
+            overwrites: whether to replace an existing file.
 
         Raises:
             PayscopeError: a log cannot be read, or the file cannot be written.
         """
         refuse_input_as_output(path, self.named.recordings)
-        require_writable_output(path, force=force)
+        require_writable_output(path, overwrites=overwrites)
         listed = [name for name, dtype in self.rows.collect_schema().items() if dtype.is_nested()]
         if file_format == "csv" and listed:
             raise OutputError(
                 f"{path}: CSV cannot hold lists, and the columns {', '.join(listed)} are lists; "
                 "leave them out, or write .parquet or .arrow"
             )
-        with stage_output_file(path, force=force) as partial, self._convert_to_query_errors(path):
+        with (
+            stage_output_file(path, overwrites=overwrites) as partial,
+            self._convert_to_query_errors(path),
+        ):
             match file_format:
                 case "csv":
                     self.rows.sink_csv(partial)
@@ -155,7 +158,7 @@ def merge_rows_near_in_time_with_open_commands(
             f"the query has {', '.join(rows.columns)}"
         )
     by = [name for name in (SOURCE, _KEY) if name in rows.columns]
-    begin, end = ("from_s", "to_s") if time == AT_S else ("from", "to")
+    start, end = ("from_s", "to_s") if time == AT_S else ("from", "to")
     apart: Any = (
         join_within_s if time == AT_S else pl.duration(microseconds=round(join_within_s * 1e6))
     )
@@ -168,7 +171,7 @@ def merge_rows_near_in_time_with_open_commands(
         .with_columns(number.alias("moment"))
         .group_by(*by, "moment", maintain_order=True)
         .agg(
-            pl.col(time).first().alias(begin),
+            pl.col(time).first().alias(start),
             pl.col(time).last().alias(end),
             pl.len().alias("rows"),
         )

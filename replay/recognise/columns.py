@@ -173,7 +173,7 @@ def list_columns_of_log(log: Log, topics: pl.DataFrame | None = None) -> list[Lo
             continue
         names = frozenset(row["fields"])
         for field, named_by, side, axis in _list_named_fields(log, row):
-            name = _choose_field_name_with_side_first(topic, named_by or field)
+            name = _extract_quantity_name_with_side_first(topic, named_by or field)
             unit = (
                 units.get(field)
                 or _find_unit_of_standard_name(name)
@@ -212,7 +212,7 @@ def _can_message_have_own_field_names(message_type: str) -> bool:
     )
 
 
-def _choose_field_name_with_side_first(topic: str | None, field: str) -> str:
+def _extract_quantity_name_with_side_first(topic: str | None, field: str) -> str:
     """Last part of a field's name, or of its topic's, with a trailing side moved to the front."""
     if topic is None or field == "data":
         return move_trailing_side_to_front(

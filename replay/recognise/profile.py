@@ -85,8 +85,8 @@ def profile_fields(log: Log, topics: Sequence[str] | None = None) -> list[FieldP
             fields += [each for element in elements.values() for each in element]
         units = log.units(row["topic"])
         at_once = max(LIMITS.values_per_pass // row["messages"], LIMITS.fields_per_pass)
-        for begin in range(0, len(fields), at_once):
-            part = fields[begin : begin + at_once]
+        for start in range(0, len(fields), at_once):
+            part = fields[start : start + at_once]
             try:
                 frame = log.read(row["topic"], part)
             except LogError:

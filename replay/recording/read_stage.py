@@ -68,7 +68,8 @@ class RecordedStage:
         """
         if self.name != "loads":
             raise RecordingError(
-                f"{self.recording}: a calibration applies to frame 'loads', not to '{self.name}'"
+                f"{self.recording}: a calibration applies to frame 'loads', not to '{self.name}'; "
+                "name loads"
             )
         from analysis.calibration.use.apply_calibration import LATER_LOG_FRAMES
         from replay.calibration.apply_evidence import calibrate_loads_of_recording
@@ -109,14 +110,14 @@ class RecordedStage:
         if not math.isfinite(second):
             raise RecordingError(f"--at {second}: is not a time; give seconds since the start")
         column = self._require_time_column()
-        begin = self._make_time_since_start_expression(column) / 1e9
+        start = self._make_time_since_start_expression(column) / 1e9
         if "end_t_ns" in self.rows.columns:
             # a row without a start or an end is about the whole log
-            inside = (begin <= second).fill_null(True) & (
+            inside = (start <= second).fill_null(True) & (
                 pl.col("end_t_ns") / 1e9 >= second
             ).fill_null(True)
             return replace(self, rows=self.rows.filter(inside))
-        held = self.rows.filter(begin <= second).sort(column)
+        held = self.rows.filter(start <= second).sort(column)
         if "axis" in held.columns:  # a row per window of one axis
             return replace(self, rows=held.group_by("axis", maintain_order=True).tail(1))
         return replace(self, rows=held.tail(1))

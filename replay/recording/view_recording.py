@@ -100,7 +100,7 @@ def plot_recording(
     at_s: float | None = None,
     from_s: float | None = None,
     to_s: float | None = None,
-    force: bool = False,
+    overwrites: bool = False,
 ) -> Path:
     """Draw a recording.
 
@@ -111,13 +111,13 @@ def plot_recording(
         at_s: moment to mark; without a stretch, `AROUND_S` on either side is drawn.
         from_s: start of the stretch, in seconds since the run's start.
         to_s: end of the stretch, likewise.
-        force: whether to replace an existing picture.
+        overwrites: whether to replace an existing picture.
 
     Raises:
         PayscopeError: the recording does not exist, the stretch is empty, or the picture cannot be
             written.
     """
-    require_writable_picture(picture_path, force=force)
+    require_writable_picture(picture_path, overwrites=overwrites)
     if at_s is not None:
         if not math.isfinite(at_s):
             raise RecordingError(f"--at {at_s}: is not a time; give seconds since the start")
@@ -126,4 +126,4 @@ def plot_recording(
         elif (from_s is not None and at_s < from_s) or (to_s is not None and at_s > to_s):
             raise RecordingError(f"--at {at_s:g}: lies outside --from and --to; change one of them")
     run = read_run_of_time_range(recording, from_s, to_s, are_raw_frames_read=False)
-    return plot_run(run, picture_path, figure_name=figure_name, at_s=at_s, force=force)
+    return plot_run(run, picture_path, figure_name=figure_name, at_s=at_s, overwrites=overwrites)

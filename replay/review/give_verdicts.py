@@ -179,7 +179,7 @@ class RequestedVerdicts:
             ):
                 raise ReviewError(
                     f"no load is dumped from {self.begin or 'the beginning'} to "
-                    f"{self.end or 'the end'} of the shift"
+                    f"{self.end or 'the end'} of the shift; correct --from or --to"
                 )
             return [said]
         if not self.rejection_of_each_named_cycle:
@@ -250,7 +250,7 @@ def recount_review_with_verdicts(folder: Path, verdicts: RequestedVerdicts) -> S
         )
         page = shift.make_review_page(state, [], track)
         names = [*OUTPUTS, *([VERDICTS] if added else [])]
-        with stage_output_files([folder / name for name in names], force=True) as stage:
+        with stage_output_files([folder / name for name in names], overwrites=True) as stage:
             write_review_files(page, stage)
             if added:
                 (stage / VERDICTS).write_text(text, encoding="utf-8")

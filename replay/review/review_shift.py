@@ -152,9 +152,9 @@ def review_shift(
         made = kept or _replay_opened_shift(opened, machine, folder, (logs, machine_file), on_stage)
         cycles, against = made.cycles, ""
         if by is not None:
-            told = read_frames_for_calibration(made, folder)
-            against = describe_contradicted_learnt_priors(told["nuisances"])
-            shared_errors = SharedErrors.from_frames(told)
+            stored_frames = read_frames_for_calibration(made, folder)
+            against = describe_contradicted_learnt_priors(stored_frames["nuisances"])
+            shared_errors = SharedErrors.from_frames(stored_frames)
             cycles = cycles if against else calibrate_cycles(cycles, by.calibration, shared_errors)
         shift = ShiftCount.count_cycles_with_verdicts(
             cycles, made.shift, made.t0_unix_ns, verdicts, folder
@@ -163,7 +163,7 @@ def review_shift(
         targets = [folder / name for name in (RECORDING, *OUTPUTS)]
         if kept is not None:
             del targets[0]
-        with stage_output_files(targets, force=True) as stage:
+        with stage_output_files(targets, overwrites=True) as stage:
             if made.run is not None:
                 write_recording(
                     select_frames_for_recording(made.run, is_full_recording=options.full),
@@ -228,12 +228,12 @@ def _replay_opened_shift(
 
 def make_empty_mass_warning(run: Run, opened_logs: list[Log], machine: Machine) -> str:
     """Warn of logs that may be of two machines, or of a step of the empty mass; "" if neither."""
-    begins = compute_log_starts_ns(
+    starts = compute_log_starts_ns(
         opened_logs, list_channel_fields(machine), run.provenance.t0_unix_ns
     )
-    found = find_machine_change_by_empty_mass(run.frames["manoeuvres"], list(begins.values()))
+    found = find_machine_change_by_empty_mass(run.frames["manoeuvres"], list(starts.values()))
     if found is not None:
-        return found.make_warning_text(list(begins)[found.log].path.name)
+        return found.make_warning_text(list(starts)[found.log].path.name)
     step = find_empty_mass_step_of_manoeuvres(run.frames["manoeuvres"])
     return "" if step is None else step.text
 
@@ -337,8 +337,8 @@ def find_truncated_logs(
         wanted_fields: fields used by channels, by topic.
         provenance: provenance of the replay, with its losses and the origin of its times.
     """
-    begins = compute_log_starts_ns(logs, wanted_fields, provenance.t0_unix_ns)
-    ordered = list(begins)
+    starts = compute_log_starts_ns(logs, wanted_fields, provenance.t0_unix_ns)
+    ordered = list(starts)
     found: list[TruncatedLog] = []
     for number, log in enumerate(ordered, 1):
         losses = [
@@ -356,8 +356,8 @@ def find_truncated_logs(
                     name=log.path.name,
                     number=number,
                     logs=len(ordered),
-                    ends_s=(begins[log] + last - first) / NS_PER_S,
-                    next_s=begins[following[0]] / NS_PER_S if following else None,
+                    ends_s=(starts[log] + last - first) / NS_PER_S,
+                    next_s=starts[following[0]] / NS_PER_S if following else None,
                     losses=tuple(losses),
                 )
             )

@@ -34,13 +34,13 @@ class RecordingOutput:
 
     Attributes:
         path: path of the recording; None records nothing.
-        force: whether to replace an existing recording.
+        overwrites: whether to replace an existing recording.
         live: whether to show it in the viewer while it is written.
         viewer: viewer that is already open; None starts one if `live`.
     """
 
     path: Path | None = None
-    force: bool = False
+    overwrites: bool = False
     live: bool = False
     viewer: "LiveView | None" = None
 
@@ -86,7 +86,7 @@ def replay_and_record_logs(
             by.copy_machine_with_calibrated_settings(machine), machine_file
         )
     if output.path is not None:
-        recordings.require_writable_recording(output.path, force=output.force)
+        recordings.require_writable_recording(output.path, overwrites=output.overwrites)
         refuse_input_as_output(output.path, (path for path in logs if path.exists()))
     # opened before the work, so that a missing display is reported at once
     viewer = open_requested_live_viewer(output)
@@ -111,7 +111,9 @@ def replay_and_record_logs(
             result = by.calibrate_masses_of_run(result)
         if output.path is not None:
             on_stage("record")
-            recordings.write_recording(result, output.path, force=output.force, viewer=viewer)
+            recordings.write_recording(
+                result, output.path, overwrites=output.overwrites, viewer=viewer
+            )
     return make_answer(result, str(output.path) if output.path else None)
 
 
@@ -174,7 +176,7 @@ def watch_machine_file(
             continue
         last, failed = machine, False
         # our own recording may be replaced, and the viewer has its layout already
-        output = replace(output, force=True)
+        output = replace(output, overwrites=True)
         view = view and replace(view, laid_out=True)
         on_answer(answer, changed)
 

@@ -107,20 +107,20 @@ def sweep_setting_combinations(
                 replayed = by.calibrate_masses_of_run(
                     replayed, by.list_differing_settings_as_text(machine)
                 )
-            told = make_answer(replayed)
+            answer = make_answer(replayed)
             errors: dict[str, dict[str, float | None]] = {}
             if reference_kg is not None:
                 errors["error_kg"] = {
                     method: None if mass is None else mass - reference_kg
-                    for row in told.rows
+                    for row in answer.rows
                     for method, mass in row.quantities["mass_kg"].items()
                 }
             if truth is not None:
                 errors |= compute_rms_errors_of_masses(
-                    replayed, truth, can_weigh=told.verdict.can_weigh
+                    replayed, truth, can_weigh=answer.verdict.can_weigh
                 )
             values = dict(part.split("=", 1) for part in each)
-            rows.append(SweepRow(values, told, errors))
+            rows.append(SweepRow(values, answer, errors))
     return rows
 
 

@@ -63,13 +63,13 @@ def format_scenario_file(scenario: Scenario) -> str:
     return "\n".join(blocks)
 
 
-def write_scenario_file(scenario: Scenario, path: Path, *, force: bool = False) -> None:
+def write_scenario_file(scenario: Scenario, path: Path, *, overwrites: bool = False) -> None:
     """Write a scenario file that `simulate` accepts.
 
     Raises:
         OutputError: the file exists, or its folder cannot be written to.
     """
-    with stage_output_file(path, force=force) as partial:
+    with stage_output_file(path, overwrites=overwrites) as partial:
         partial.write_text(format_scenario_file(scenario), encoding="utf-8")
 
 

@@ -51,7 +51,7 @@ def write_logs_and_truths(
     logs: Iterable[SimulatedLog],
     targets: Sequence[Path],
     *,
-    force: bool = False,
+    overwrites: bool = False,
     further_files: Mapping[Path, Callable[[Path], None]] = MappingProxyType({}),
 ) -> None:
     """Write each log to its target, and its truth to `TARGET.truth.json`: all of them or none.
@@ -59,7 +59,7 @@ def write_logs_and_truths(
     Args:
         logs: one log per target.
         targets: paths in one folder; the suffix sets the format.
-        force: whether to replace existing outputs.
+        overwrites: whether to replace existing outputs.
         further_files: further files in that folder, each with the function that writes it, called
             after the logs are written.
 
@@ -74,7 +74,7 @@ def write_logs_and_truths(
                 "or no suffix for a rosbag2 directory"
             )
     with stage_output_files(
-        [*targets, *map(make_truth_path_of_log, targets), *further_files], force=force
+        [*targets, *map(make_truth_path_of_log, targets), *further_files], overwrites=overwrites
     ) as stage:
         for log, target in zip(logs, targets, strict=True):
             WRITERS[target.suffix](log, stage / target.name)
@@ -101,7 +101,7 @@ def truncate_log_file(log: Path, fraction: float) -> None:
 
 
 def simulate_scenario_to_logs(
-    scenario: Scenario, output: Path, *, force: bool = False
+    scenario: Scenario, output: Path, *, overwrites: bool = False
 ) -> list[Path]:
     """Write the scenario's logs, each with its truth (`LOG.truth.json`).
 
@@ -111,7 +111,7 @@ def simulate_scenario_to_logs(
             rosbag2 directory). Several loads have a log each: `campaign.bag` becomes
             `campaign_000kg.bag`, `campaign_050kg.bag`, …. Several logs of a shift are numbered,
             `shift_1.bag`, …, and the truth of the whole shift is in `shift.cycles.json`.
-        force: whether to replace existing logs.
+        overwrites: whether to replace existing logs.
 
     Returns:
         Paths of the logs, in order of loads or of time; all logs are on one time line.
@@ -123,7 +123,7 @@ def simulate_scenario_to_logs(
     """
     targets = make_paths_of_simulated_logs(scenario, output)
     if scenario.shift is None:
-        write_logs_and_truths(simulate_campaign(scenario), targets, force=force)
+        write_logs_and_truths(simulate_campaign(scenario), targets, overwrites=overwrites)
         return targets
     from analysis.simulation.logs.shift_logs import ShiftSimulation
 
@@ -132,7 +132,7 @@ def simulate_scenario_to_logs(
     write_logs_and_truths(
         shift.simulate_logs(),
         targets,
-        force=force,
+        overwrites=overwrites,
         further_files={
             beside: lambda path: write_truth_of_shift(
                 shift.collect_truth(), scenario, targets, path

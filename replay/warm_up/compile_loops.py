@@ -12,7 +12,7 @@ from analysis.model.methods import METHODS
 from analysis.online.follower import FollowedRow
 from analysis.simulation import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
-from estimators.interpreted import force_compilation
+from estimators.interpreted import compile_even_short_loops
 from replay.follow.follow_logs import FollowedLogState, follow_logs
 from replay.machines.machine_file import load_machine
 from replay.machines.toml_file import format_toml
@@ -71,7 +71,7 @@ def compile_all_loops(on_stage: Callable[[str], None] = lambda _: None) -> None:
     Args:
         on_stage: called with the name of each of `STEPS` as it begins.
     """
-    with force_compilation(), TemporaryDirectory(prefix="payscope-warm-up-") as made:
+    with compile_even_short_loops(), TemporaryDirectory(prefix="payscope-warm-up-") as made:
         folder = Path(made)
         on_stage("simulate")
         straight = Scenario.model_validate(_STRAIGHT)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from estimators import compile_cache, interpreted
-from estimators.interpreted import CompiledLoop, compiled_unless_short_log, force_compilation
+from estimators.interpreted import CompiledLoop, compile_even_short_loops, compiled_unless_short_log
 from estimators.numerics import group_mean, group_sums, rolling, sandwich, small_systems
 from estimators.numerics.fit_loss import compute_fit_loss
 from tests.golden.golden import LOGS, replay
@@ -162,9 +162,9 @@ def test_what_another_process_has_compiled_is_used(loop: Callable[..., CompiledL
     before = loop()
     assert before(0, 1, 2) == 1
     code = (
-        "from estimators.interpreted import force_compilation\n"
+        "from estimators.interpreted import compile_even_short_loops\n"
         "from estimators.numerics.small_systems import find_packed_index\n"
-        "with force_compilation():\n"
+        "with compile_even_short_loops():\n"
         "    find_packed_index(0, 1, 2)\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True, cwd=compile_cache._HOUSE)
@@ -172,6 +172,6 @@ def test_what_another_process_has_compiled_is_used(loop: Callable[..., CompiledL
 
 
 def test_everything_is_compiled_when_that_is_asked_for(loop: Callable[..., CompiledLoop]) -> None:
-    with force_compilation():
+    with compile_even_short_loops():
         assert loop()(0, 1, 2) == "compiled"
     assert loop()(0, 1, 2) == 1

@@ -170,7 +170,9 @@ def make_logs() -> None:
 
     for name in ("straight", "planar"):
         scenario = load_scenario_file(FOLDER / f"{name}.scenario.toml")
-        for written in simulate_scenario_to_logs(scenario, FOLDER / f"{name}.mcap", force=True):
+        for written in simulate_scenario_to_logs(
+            scenario, FOLDER / f"{name}.mcap", overwrites=True
+        ):
             make_truth_path_of_log(written).unlink()
     sledge().write_csv(FOLDER / "table.csv")
 

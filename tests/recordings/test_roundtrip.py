@@ -104,7 +104,7 @@ def bits(run: Run) -> list[object]:
 @settings(max_examples=30, deadline=None, suppress_health_check=list(HealthCheck))
 @given(run=runs())
 def test_whatever_was_written_is_read_back_bit_for_bit_in_the_same_order(run: Run, tmp_path: Path):
-    path = write_recording(run, tmp_path / "any.rrd", force=True)
+    path = write_recording(run, tmp_path / "any.rrd", overwrites=True)
     back = read_recording(path)
     assert back == run
     assert bits(back) == bits(run)
@@ -217,7 +217,7 @@ def test_an_existing_recording_is_replaced_only_when_forced(tmp_path: Path):
     with pytest.raises(OutputError, match=r"exists already.*--force"):
         write_recording(new, path)
     assert list(list_columns_by_frame(path)) == ["old"]
-    write_recording(new, path, force=True)
+    write_recording(new, path, overwrites=True)
     assert read_recording(path) == new
     assert [each.name for each in tmp_path.iterdir()] == ["shift.rrd"]
 

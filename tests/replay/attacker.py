@@ -26,7 +26,7 @@ from recordings.calibration.bundle_folder import (
 )
 from recordings.calibration.calibration_report import render_report_html
 from recordings.calibration.evidence_document import EvidenceDocument, parse_untrusted_evidence
-from recordings.calibration.untrusted_files import encode_table_as_parquet
+from recordings.calibration.untrusted_files import encode_uncompressed_parquet_table
 from recordings.signatures.canonical_json import encode_canonical_json
 from recordings.signatures.signing import (
     PAYLOAD_TYPE,
@@ -102,7 +102,7 @@ def tampered(genuine: Path, folder: Path, tamper: Tamper, *, signed: bool) -> Pa
 def _write(bundle: Bundle) -> None:
     folder = bundle.folder
     for name, frame in ((READINGS, bundle.readings), (POINTS, bundle.points)):
-        data = encode_table_as_parquet(frame)
+        data = encode_uncompressed_parquet_table(frame)
         (folder / name).write_bytes(data)
         bundle.evidence["tables"][f"{name.partition('.')[0]}_sha256"] = hashlib.sha256(
             data

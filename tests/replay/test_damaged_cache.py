@@ -14,10 +14,10 @@ from tests.replay.sledge import MACHINE, sledge
 ONE_LOOP = """
 from estimators.compile_cache import remove_unreadable_compiled_code
 import numpy as np
-from estimators.interpreted import force_compilation
+from estimators.interpreted import compile_even_short_loops
 from estimators.methods.ls import compute_mean_sample_weights
 try:
-    with force_compilation():
+    with compile_even_short_loops():
         compute_mean_sample_weights(np.ones((4, 2)), np.ones((2, 2, 1)), np.array([3]), 2)
     print("done")
 except Exception as error:
@@ -73,9 +73,9 @@ def test_a_module_cut_short_by_a_full_disk_is_removed_and_the_next_command_works
 
 #: The command, which interprets no short log.
 COMMAND = """
-from estimators.interpreted import force_compilation
+from estimators.interpreted import compile_even_short_loops
 from replay.commands.cli import main
-with force_compilation():
+with compile_even_short_loops():
     main()
 """
 

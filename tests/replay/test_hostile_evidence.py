@@ -138,11 +138,11 @@ def test_tables_are_read_by_another_process_that_may_die() -> None:
     import pyarrow.parquet as pq
 
     from analysis.calibration.campaign.campaign_readings import READINGS as COLUMNS
-    from recordings.calibration.untrusted_files import encode_table_as_parquet
+    from recordings.calibration.untrusted_files import encode_uncompressed_parquet_table
 
     row = dict.fromkeys(COLUMNS, None) | {"run_id": "a", "reading": 1, "used": False}
     frame = pl.DataFrame([row], schema=COLUMNS)
-    data = encode_table_as_parquet(frame)
+    data = encode_uncompressed_parquet_table(frame)
     (back,) = read_untrusted_tables([UntrustedTable(data, COLUMNS)])
     assert isinstance(back, pl.DataFrame)
     assert back.equals(frame)

@@ -174,7 +174,7 @@ def test_a_signal_while_the_hidden_folder_goes_leaves_nothing(
 
     monkeypatch.setattr(shutil, "rmtree", interrupt_once)
     with pytest.raises(KeyboardInterrupt):
-        require_writable_output(tmp_path / "out.rrd", force=False)
+        require_writable_output(tmp_path / "out.rrd", overwrites=False)
     assert interrupted
     assert list(tmp_path.iterdir()) == []
 

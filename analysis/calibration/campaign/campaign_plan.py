@@ -233,8 +233,8 @@ class CalibrationCampaign(BaseModel):
             (run.log, run.from_s or 0.0, np.inf if run.to_s is None else run.to_s, run.id)
             for run in self.runs
         )
-        for (log, _, end, first), (other, begin, _, second) in pairwise(spans):
-            if log == other and begin < end:
+        for (log, _, end, first), (other, start, _, second) in pairwise(spans):
+            if log == other and start < end:
                 raise ValueError(
                     f"runs '{first}' and '{second}' overlap in {log}; correct from_s or to_s"
                 )

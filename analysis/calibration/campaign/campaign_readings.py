@@ -219,7 +219,10 @@ def _make_reading_row(
 
 
 def subtract_mean_empty_reading(readings: pl.DataFrame) -> pl.DataFrame:
-    """Subtract the mean of a log's empty readings from its masses, which share its error."""
+    """Subtract each log's mean empty reading from its masses; its error is their common_u_kg.
+
+    Empty readings, and logs without one, are not used.
+    """
     parts: list[pl.DataFrame] = []
     for log in readings.partition_by("log", maintain_order=True):
         zero = log.filter((pl.col("load_id") == EMPTY) & pl.col("used"))
@@ -269,17 +272,17 @@ def average_masses_by_method_and_run(replayed_run: Run, runs: pl.DataFrame) -> p
         weighted_kg = mass_kg * weight
         unix_ns = known["t_ns"].to_numpy() + t0
         # the ends of windows ascend
-        begins = np.searchsorted(unix_ns, runs["start_ns"].to_numpy()).tolist()
+        starts = np.searchsorted(unix_ns, runs["start_ns"].to_numpy()).tolist()
         ends = np.searchsorted(unix_ns, runs["end_ns"].to_numpy(), "right").tolist()
         for number, run in enumerate(runs.iter_rows(named=True)):
-            begin, end = begins[number], ends[number]
-            if end <= begin:
+            start, end = starts[number], ends[number]
+            if end <= start:
                 mass = None
             elif METHODS[method].summary is SummaryRule.LAST:
                 mass = mass_kg[end - 1]
             else:
-                weights = float(weight[begin:end].sum())
-                mass = float(weighted_kg[begin:end].sum()) / weights if weights else np.nan
+                weights = float(weight[start:end].sum())
+                mass = float(weighted_kg[start:end].sum()) / weights if weights else np.nan
             rows.append(
                 {
                     "method": method,

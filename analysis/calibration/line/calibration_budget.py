@@ -21,7 +21,7 @@ from analysis.calibration.line.line_model import (
     REFERENCES,
     REPEATABILITY,
     RUN,
-    Points,
+    RunMeans,
     make_covariance_structure,
 )
 from analysis.calibration.line.variance_components import (
@@ -180,7 +180,7 @@ class NextLoad:
 
 
 def rank_loads_for_next_run(
-    calibration: Calibration, *, same_day: bool = False
+    calibration: Calibration, *, is_on_last_campaign_day: bool = False
 ) -> tuple[NextLoad, ...]:
     """Rank the campaign's loads by the benefit of one more run, the best first.
 
@@ -189,7 +189,7 @@ def rank_loads_for_next_run(
 
     Args:
         calibration: calibration of the campaign so far.
-        same_day: whether the run is on the campaign's last day rather than on a new one.
+        is_on_last_campaign_day: whether the run is on the campaign's last day, not on a new one.
 
     Source:
         D-optimality: Atkinson, Donev and Tobias, Optimum Experimental Designs, 10.
@@ -203,7 +203,9 @@ def rank_loads_for_next_run(
         more = replace(
             used[-1],
             load_id=reference.load_id,
-            day=used[-1].day if same_day else make_day_label_absent_from_points(used),
+            day=used[-1].day
+            if is_on_last_campaign_day
+            else make_day_label_absent_from_points(used),
             reference_kg=reference.reference_kg,
             readings=calibration.budget_at[1],
         )
@@ -254,7 +256,7 @@ def make_line_inversion_for_points(calibration: Calibration, points: list[Point]
     load = np.array([loads[point.load_id] for point in points], np.int64)
     design = np.column_stack([np.ones(load.size), reference_kg[load] - calibration.centre_kg])
     readings = np.array([point.readings for point in points], np.int64)
-    as_points = Points(
+    as_points = RunMeans(
         y_kg=design @ np.array([calibration.level_kg, calibration.c1_1]),
         readings=readings,
         load=load,

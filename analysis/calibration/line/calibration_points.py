@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 
 from analysis.calibration.line.line_limits import LIMITS
-from analysis.calibration.line.line_model import Points
+from analysis.calibration.line.line_model import RunMeans
 from analysis.calibration.line.variance_components import WithinRunVariance
 from estimators.arrays import Floats
 from estimators.errors import DataError, format_count
@@ -27,7 +27,7 @@ class CampaignPoints:
 
     runs: pl.DataFrame
     fitted: np.ndarray
-    points: Points
+    points: RunMeans
     readings: pl.DataFrame
     references: pl.DataFrame
 
@@ -73,7 +73,7 @@ def average_used_readings_by_run(
     part = runs[fitted.tolist()]
     order = {load: k for k, load in enumerate(references["load_id"])}
     days = {day: k for k, day in enumerate(part["day"].unique(maintain_order=True))}
-    points = Points(
+    points = RunMeans(
         y_kg=part["mean_kg"].to_numpy().astype(np.float64),
         readings=part["readings"].to_numpy().astype(np.int64),
         load=np.array([order[load] for load in part["load_id"]], np.int64),
@@ -120,7 +120,7 @@ def _refuse_inconsistent_references(
         )
 
 
-def _refuse_points_without_line(points: Points) -> None:
+def _refuse_points_without_line(points: RunMeans) -> None:
     """Raise an error if the points cannot determine a line."""
     loads = np.unique(points.x_kg).size
     if loads < LIMITS.min_loads:

@@ -29,7 +29,7 @@ from analysis.calibration.line.line_model import (
     REPEATABILITY,
     RUN,
     FittedLine,
-    Points,
+    RunMeans,
     choose_estimable_random_effects,
     fit_line_and_variances,
     make_covariance_structure,
@@ -52,7 +52,7 @@ from estimators.errors import DataError
 _NEEDED: Final = ("run_id", "load_id", "day", "mass_kg", "used")
 
 
-def compute_lack_of_fit_test(points: Points, known_day_std_kg: float | None) -> LackOfFit:
+def compute_lack_of_fit_test(points: RunMeans, known_day_std_kg: float | None) -> LackOfFit:
     """Test the means of the loads against the line.
 
     Args:
@@ -213,7 +213,7 @@ def fit_calibration_line(
 
 
 def fit_line_and_test_lack_of_fit(
-    points: Points, known_day_std_kg: float | None
+    points: RunMeans, known_day_std_kg: float | None
 ) -> tuple[FittedLine, LackOfFit]:
     """Fit the line, with an extra deviation of each load if the points show one.
 
@@ -223,7 +223,9 @@ def fit_line_and_test_lack_of_fit(
     """
     test = compute_lack_of_fit_test(points, known_day_std_kg)
     lacking = test.separate and test.p_1 is not None and test.p_1 < LIMITS.lack_of_fit_probability
-    line = fit_line_and_variances(points, known_day_std_kg=known_day_std_kg, lack_of_fit=lacking)
+    line = fit_line_and_variances(
+        points, known_day_std_kg=known_day_std_kg, has_lack_of_fit=lacking
+    )
     if line.slope_1 == 0.0:
         raise DataError(
             "calibration: the estimates do not change with the reference masses; check the mass "

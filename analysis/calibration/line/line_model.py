@@ -24,8 +24,8 @@ REFERENCES: Final = "references"
 
 
 @dataclass(frozen=True, eq=False)
-class Points:
-    """Means of runs.
+class RunMeans:
+    """Mean readings of the runs, with their reference masses.
 
     Attributes:
         y_kg: (points,) mean of a run's readings.
@@ -110,7 +110,7 @@ class FittedLine:
 
 
 def choose_estimable_random_effects(
-    points: Points, parameter_count: int, *, is_day_variance_known: bool
+    points: RunMeans, parameter_count: int, *, is_day_variance_known: bool
 ) -> tuple[str, ...]:
     """Effects whose variances the points determine, given the number of fitted parameters.
 
@@ -132,7 +132,7 @@ def choose_estimable_random_effects(
     return tuple(names)
 
 
-def make_mean_square_to_variance_matrix(points: Points, effect_names: tuple[str, ...]) -> Floats:
+def make_mean_square_to_variance_matrix(points: RunMeans, effect_names: tuple[str, ...]) -> Floats:
     """(effects, effects) matrix from mean squares, which cannot be negative, to variances.
 
     By chance, run means may scatter less than their readings imply; the variance between runs is
@@ -201,7 +201,7 @@ class CovarianceStructure:
 
 
 def make_covariance_structure(
-    points: Points, effect_names: tuple[str, ...], known_day_std_kg: float | None
+    points: RunMeans, effect_names: tuple[str, ...], known_day_std_kg: float | None
 ) -> CovarianceStructure:
     """Covariance structure of the points for these effects."""
     day = points.make_effect_covariance(DAY)
@@ -222,20 +222,20 @@ def make_covariance_structure(
 
 
 def fit_line_and_variances(
-    points: Points, *, known_day_std_kg: float | None = None, lack_of_fit: bool = False
+    points: RunMeans, *, known_day_std_kg: float | None = None, has_lack_of_fit: bool = False
 ) -> FittedLine:
     """Fit line and variances together.
 
     Args:
         points: means of runs.
         known_day_std_kg: known standard deviation between days, in kg of m̂; None if unknown.
-        lack_of_fit: whether each load has its own deviation from the line.
+        has_lack_of_fit: whether each load has its own deviation from the line.
     """
     names = choose_estimable_random_effects(
         points, 2, is_day_variance_known=known_day_std_kg is not None
     )
     scatter = make_covariance_structure(
-        points, (*names, LACK_OF_FIT) if lack_of_fit else names, known_day_std_kg
+        points, (*names, LACK_OF_FIT) if has_lack_of_fit else names, known_day_std_kg
     )
     by_squares = scatter.mean_square_covariances
     x, y, x_cov = points.x_kg, points.y_kg, points.x_cov_kg2

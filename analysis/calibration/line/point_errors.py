@@ -17,7 +17,7 @@ from analysis.calibration.line.distance_regression import (
     fit_line_by_generalised_distance,
 )
 from analysis.calibration.line.line_limits import LIMITS
-from analysis.calibration.line.line_model import FittedLine, Points
+from analysis.calibration.line.line_model import FittedLine, RunMeans
 from analysis.calibration.line.outliers import compute_studentised_residuals
 from estimators.arrays import Floats
 
@@ -57,7 +57,7 @@ def compute_leave_one_load_out_mass_errors_kg(campaign: CampaignPoints, line: Fi
     return errors
 
 
-def fit_lines_without_each_load(points: Points, line: FittedLine) -> dict[int, StraightLine]:
+def fit_lines_without_each_load(points: RunMeans, line: FittedLine) -> dict[int, StraightLine]:
     """Line through the other loads, by index of the load left out.
 
     A load is absent if the others determine no line.

@@ -87,9 +87,9 @@ class SharedErrors:
         terms = tuple(known["term"].unique(maintain_order=True))
         place = {term: k for k, term in enumerate(terms)}
         covariance = np.eye(len(terms))
-        error, told = np.zeros(len(terms)), np.zeros(len(terms), np.bool_)
-        for term, other, error_1, covariance_1, off in known.iter_rows():
-            error[place[term]], told[place[term]] = error_1, off
+        error, is_corrected = np.zeros(len(terms)), np.zeros(len(terms), np.bool_)
+        for term, other, error_1, covariance_1, is_term_corrected in known.iter_rows():
+            error[place[term]], is_corrected[place[term]] = error_1, is_term_corrected
             covariance[place[term], place[other]] = covariance_1
         mass_responses_kg: dict[tuple[str, int], Floats] = {}
         scale_kg: dict[tuple[str, int], float] = {}
@@ -99,7 +99,7 @@ class SharedErrors:
             else:
                 own = mass_responses_kg.setdefault((of, number), np.zeros(len(terms)))
                 own[place[term]] = response_kg
-        return cls(terms, error, covariance, told, mass_responses_kg, scale_kg)
+        return cls(terms, error, covariance, is_corrected, mass_responses_kg, scale_kg)
 
     def compute_line_shifts_kg(
         self,
@@ -147,7 +147,10 @@ class SharedErrors:
 
     def compute_shared_part_of_log_u_kg(self, responses_kg: Floats) -> float:
         """Part of the log's own standard uncertainty due to the shared errors, in kg of m̂."""
-        told = np.where(self.is_corrected, responses_kg, 0.0)
+        corrected_kg = np.where(self.is_corrected, responses_kg, 0.0)
         return float(
-            np.hypot(self.compute_shared_error_u_kg(told), np.linalg.norm(responses_kg - told))
+            np.hypot(
+                self.compute_shared_error_u_kg(corrected_kg),
+                np.linalg.norm(responses_kg - corrected_kg),
+            )
         )

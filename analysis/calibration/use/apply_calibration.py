@@ -93,11 +93,16 @@ def calibrate_loads(
     rows = loads.with_columns(estimate_kg=mass, estimate_u_random_kg=u_random).to_dicts()
     check = check_drift_of_empty_machine(rows, calibration, log)
     refused = log.refusal_reason or describe_machine_change(check, log)
-    told = check is not None and check.drifted is not None
+    drift_was_checked = check is not None and check.drifted is not None
     empties = sum(row["manoeuvres"] for row in rows if row["empty"])
     found = [
         _make_calibrated_columns(
-            row, calibration, log, refused, drift_was_checked=told, empty_weighings=empties
+            row,
+            calibration,
+            log,
+            refused,
+            drift_was_checked=drift_was_checked,
+            empty_weighings=empties,
         )
         for row in rows
     ]

@@ -111,15 +111,15 @@ def pool_learnt_term_over_logs(
     """Learnt prior of a term from the estimates of the logs, with the old prior counted once."""
     # all floats are Python's own: evidence is written and read back to the last bit
     prior = float(max(each.prior_std for each in log_terms))
-    told = [
+    estimates = [
         own
         for each in log_terms
         if (own := estimate_learnt_term_and_std_without_prior(each)) is not None
     ]
-    value, variance = np.array([v for v, _ in told]), np.array([s**2 for _, s in told])
+    value, variance = np.array([v for v, _ in estimates]), np.array([s**2 for _, s in estimates])
     between = (
         estimate_between_log_variance(value, variance, significance_level)
-        if len(told) >= LIMITS.min_logs
+        if len(estimates) >= LIMITS.min_logs
         else 0.0
     )
     weight = 1.0 / (variance + between)
@@ -178,8 +178,8 @@ def copy_machine_with_learnt_priors(
 
 def copy_machine_estimating_learnt_mean_errors(machine: Machine) -> Machine:
     """Copy the machine, set to estimate errors of learnt means from logs of several loads."""
-    told = {"priors.learnt_means": "told"}
-    return machine.model_copy(update={"settings": machine.settings.copy_with_changes(told)})
+    changes = {"priors.learnt_means": "told"}
+    return machine.model_copy(update={"settings": machine.settings.copy_with_changes(changes)})
 
 
 def describe_contradicted_learnt_priors(nuisances: pl.DataFrame) -> str:

@@ -93,10 +93,10 @@ def calibrate_mass_differences(
         each = (1.0 - gain.by_level_1) * of_slope
         each = each + gain.by_level_1 * of_level / calibration.centre_kg
         line = np.outer(mass_kg - centre_kg, each) + (of_level if absolute else 0.0)
-        told = np.array(
+        is_corrected = np.array(
             [each in shared_errors.mass_responses_kg for each in payload_kinds_and_numbers]
         ) & np.isfinite(mass_kg)
-        moved, line = (np.where(told[:, None], each, 0.0) for each in (moved, line))
+        moved, line = (np.where(is_corrected[:, None], each, 0.0) for each in (moved, line))
         off = [
             shared_errors.compute_offset_from_line_kg_and_u_kg(*each)
             for each in zip(moved, line, strict=True)

@@ -149,7 +149,7 @@ class TrialDriver(MachineDriver):
         self.state[plant.BRAKE] = -body.mass_kg * self.compute_uphill_gravity_m_s2()
         self.integrate_stage(FREE, stage, excitation.duration_s, wave)
         braking_s = self.time_s
-        self.brake_to_stop(stage._replace(begin_s=braking_s))
+        self.brake_to_stop(stage._replace(start_s=braking_s))
         return ManoeuvreTimes("excite", start_s, start_s, None, braking_s, self.time_s)
 
     def _follow_target_speeds_by_pedal(self, travel: Travel, body: RigidBody) -> ManoeuvreTimes:
@@ -194,7 +194,7 @@ class TrialDriver(MachineDriver):
                     "raise it"
                 )
             if leg.stand_s is not None:
-                shut = stage._replace(begin_s=self.time_s, pedal_N_s_m=0.0, one_way=0.0)
+                shut = stage._replace(start_s=self.time_s, pedal_N_s_m=0.0, one_way=0.0)
                 self.brake_to_stop(shut)
                 self.stand_still(leg.stand_s, body.mass_kg)
                 if travel.to_and_fro:

@@ -118,15 +118,15 @@ class MachineDriver:
 
     def stand_still(self, duration_s: float, mass_kg: float) -> ManoeuvreTimes:
         """Stand with the brakes on."""
-        begin_s = self.time_s
+        start_s = self.time_s
         self.state[[plant.DRIVE, plant.BRAKE]] = 0.0
         stage = DriveStage(self.time_s, mass_kg, holds=1.0, facing=self.facing)
         self.integrate_stage(REST, stage, duration_s, step_count=None if self._swings else 1)
-        return ManoeuvreTimes("rest", begin_s, None, None, None, self.time_s)
+        return ManoeuvreTimes("rest", start_s, None, None, None, self.time_s)
 
     def turn_around(self, rate_rad_s: float, mass_kg: float) -> ManoeuvreTimes:
         """Turn by 180° on the spot, with a cosine-shaped yaw rate up to `rate_rad_s`."""
-        begin_s, duration_s = self.time_s, 2.0 * math.pi / abs(rate_rad_s)
+        start_s, duration_s = self.time_s, 2.0 * math.pi / abs(rate_rad_s)
         self.state[[plant.DRIVE, plant.BRAKE]] = 0.0
         stage = DriveStage(self.time_s, mass_kg, holds=1.0, facing=self.facing)
         steps = (
@@ -137,14 +137,14 @@ class MachineDriver:
         rows = self.integrate_stage(
             TURNING, stage, duration_s, step_count=steps or LIMITS.half_turn_steps
         )
-        phase = (rows[:, plant.TIME] - begin_s) / duration_s * 2.0 * math.pi
+        phase = (rows[:, plant.TIME] - start_s) / duration_s * 2.0 * math.pi
         turned = (phase - np.sin(phase)) / 2.0
         rows[:, plant.YAW_RATE] = rate_rad_s * (1.0 - np.cos(phase)) / 2.0
         # the part of the slope's force that the brakes hold
         rows[:, plant.BRAKED] *= np.cos(turned)
         rows[[0, -1], plant.YAW_RATE] = 0.0
         self.facing = -self.facing
-        return ManoeuvreTimes("spin", begin_s, begin_s, None, None, self.time_s)
+        return ManoeuvreTimes("spin", start_s, start_s, None, None, self.time_s)
 
     def drive_one_start(self, start_order: StartOrder, body: RigidBody) -> DrivenStart:
         """Drive one start: throttle, cruise, coast if ordered, brake.
@@ -160,8 +160,8 @@ class MachineDriver:
             self.scenario.starts,
             self.scenario.brakes,
         )
-        begin_s, start_m = self.time_s, self.position_m
-        steady_s = begin_s + start_order.start_s
+        start_s, start_m = self.time_s, self.position_m
+        steady_s = start_s + start_order.start_s
         shut_s = steady_s + start_order.cruise_s
         full_N = (
             start_order.sign
@@ -169,7 +169,7 @@ class MachineDriver:
             * campaign.drive_fraction_at_throttle(start_order.throttle)
         )
         opened = DriveStage(
-            begin_s,
+            start_s,
             body.mass_kg,
             drive_N=full_N,
             one_way=start_order.sign,
@@ -178,7 +178,7 @@ class MachineDriver:
             spill_1_s=start_order.spill_1_s,
             coulomb_N=body.coulomb_x_N,
             release_N=brakes.release_N,
-            release_from_s=begin_s,
+            release_from_s=start_s,
             release_s=brakes.release_s,
             digging_N=start_order.digging_N,
             digging_from_s=shut_s - start_order.digging_s,
@@ -200,13 +200,13 @@ class MachineDriver:
 
         def compute_spilled_kg() -> float:
             return start_order.load_kg * -math.expm1(
-                -start_order.spill_1_s * (self.time_s - begin_s)
+                -start_order.spill_1_s * (self.time_s - start_s)
             )
 
         def stage_from_now(stage: DriveStage) -> DriveStage:
             lost_kg = compute_spilled_kg()
             return stage._replace(
-                begin_s=self.time_s,
+                start_s=self.time_s,
                 mass_kg=body.mass_kg + filled_kg - lost_kg,
                 load_kg=start_order.load_kg - lost_kg,
             )
@@ -234,7 +234,7 @@ class MachineDriver:
             braking_s = self.time_s
         self.brake_to_stop(stage_from_now(shut))
         self.starts += 1
-        times = ManoeuvreTimes("start", begin_s, begin_s, steady_s, braking_s, self.time_s)
+        times = ManoeuvreTimes("start", start_s, start_s, steady_s, braking_s, self.time_s)
         return DrivenStart(times, filled_kg, compute_spilled_kg())
 
     def brake_to_stop(self, stage: DriveStage) -> None:
@@ -248,7 +248,7 @@ class MachineDriver:
             return
         gentle_m_s2 = self.scenario.brakes.gentle_m_s2
         if gentle_m_s2 and not stage.gentle_m_s2:
-            stage = stage._replace(gentle_m_s2=gentle_m_s2, gentle_from_s=stage.begin_s)
+            stage = stage._replace(gentle_m_s2=gentle_m_s2, gentle_from_s=stage.start_s)
         braking_m_s2 = 0.0 if gentle_m_s2 else self.scenario.campaign.braking_m_s2
         brake_N = math.copysign(stage.mass_kg * braking_m_s2, speed)
         self.integrate_stage(
@@ -278,7 +278,7 @@ class MachineDriver:
         step_count = step_count or max(math.ceil(duration_s / self._step_s - 1e-9), 1)
         rows = self.kept.provide_free_rows(2 * step_count + 4)
         self.time_s, kept, self._moved = plant.integrate_stage_until_end_or_standstill(
-            stage.begin_s + duration_s,
+            stage.start_s + duration_s,
             step_count,
             ends_at_rest,
             self.state,

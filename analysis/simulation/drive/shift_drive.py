@@ -340,7 +340,7 @@ class ShiftDriver(MachineDriver):
             self._burnt_until_s = self.time_s
 
     def _record_boom_angles(self, angles: tuple[float, float], at_s: float) -> None:
-        """Record that boom and bucket reach angles at a time, after the previous ones."""
+        """Append the angles that boom and bucket reach at `at_s`, or later if others precede."""
         after_s = self.angles[-1].time_s if self.angles else 0.0
         self.angles.append(BoomAngle(max(at_s, after_s), *angles))
 

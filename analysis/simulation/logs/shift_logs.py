@@ -129,7 +129,7 @@ class ShiftSimulation:
         self, index: int, span: LogSpan, heading_rad: float, start_ns: int
     ) -> SimulatedLog:
         scenario, driver = self.scenario, self._driver
-        begins = np.array([each.start_s for each in driver.cycles] + [driver.time_s])
+        starts = np.array([each.start_s for each in driver.cycles] + [driver.time_s])
         mine = tuple(
             each
             for each in driver.driven
@@ -137,7 +137,7 @@ class ShiftSimulation:
         )
         motion = IntegratedLog(
             scenario,
-            begins,
+            starts,
             mine,
             driver.kept.filled_rows,
             driver.kept.stage_kinds_of_rows,
@@ -146,8 +146,8 @@ class ShiftSimulation:
         timeline = Timeline(
             start_ns + convert_to_whole_ns(span.start_s),
             start_ns + convert_to_whole_ns(span.end_s),
-            start_ns + np.rint(begins * 1e9).astype(np.int64),
-            subtract_cycle_starts(mine, begins),
+            start_ns + np.rint(starts * 1e9).astype(np.int64),
+            subtract_cycle_starts(mine, starts),
             _ShiftTimeline(motion, start_ns).sample,
             _PositionAndBoom(
                 motion, tuple(driver.angles), start_ns
@@ -194,11 +194,11 @@ class _PositionAndBoom(NamedTuple):
 
 
 def subtract_cycle_starts(
-    manoeuvres: tuple[DrivenManoeuvre, ...], begins: Floats
+    manoeuvres: tuple[DrivenManoeuvre, ...], starts: Floats
 ) -> tuple[DrivenManoeuvre, ...]:
     """Manoeuvres with their times relative to the start of their cycle."""
     return tuple(
-        each._replace(times=each.times.subtract_start_time(float(begins[each.trial])))
+        each._replace(times=each.times.subtract_start_time(float(starts[each.trial])))
         for each in manoeuvres
     )
 
@@ -208,13 +208,13 @@ def _plan_spans_of_logs(scenario: Scenario, shift: SimulatedShift) -> list[LogSp
     drawn = make_random_generator(scenario.sensors.seed, 0, 0, "shift_recorder")
     length_s = shift.duration_h * 3600.0 / shift.logs
     spans: list[LogSpan] = []
-    begin_s = 0.0
+    start_s = 0.0
     for number in range(1, shift.logs + 1):
         end_s = length_s * (
             number + float(drawn.uniform(-LIMITS.log_unevenness, LIMITS.log_unevenness))
         )
-        spans.append(LogSpan(begin_s, end_s, 0.0))
-        begin_s = end_s + float(drawn.uniform(0.0, shift.restart_s))
+        spans.append(LogSpan(start_s, end_s, 0.0))
+        start_s = end_s + float(drawn.uniform(0.0, shift.restart_s))
     damage = make_random_generator(scenario.sensors.seed, 0, 0, "shift_damage")
     for number in damage.choice(shift.logs, shift.damaged_logs, replace=False).tolist():
         share = shift.damage_share * float(damage.uniform(LIMITS.min_damage_fraction, 1.0))

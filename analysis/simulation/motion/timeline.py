@@ -79,14 +79,14 @@ class Timeline:
             start = next((each for each in mine if each.times.kind == "start"), None)
             times = start.times if start else ManoeuvreTimes("start", 0.0, None, None, None, 0.0)
             first = start or mine[0]
-            body, begin_ns = first.body, int(self.trial_ns[trial])
+            body, start_ns = first.body, int(self.trial_ns[trial])
             rows.append(
                 {
                     "run": trial,
-                    "start_ns": begin_ns,
-                    "throttle_ns": _add_seconds_to_unix_ns(begin_ns, times.drive_s),
-                    "cruise_ns": _add_seconds_to_unix_ns(begin_ns, times.steady_s),
-                    "braking_ns": _add_seconds_to_unix_ns(begin_ns, times.braking_s),
+                    "start_ns": start_ns,
+                    "throttle_ns": _add_seconds_to_unix_ns(start_ns, times.drive_s),
+                    "cruise_ns": _add_seconds_to_unix_ns(start_ns, times.steady_s),
+                    "braking_ns": _add_seconds_to_unix_ns(start_ns, times.braking_s),
                     "end_ns": int(self.trial_ns[trial + 1]),
                     "load_kg": first.load_kg,
                     "mass_kg": body.mass_kg,
@@ -108,17 +108,17 @@ class Timeline:
         """Table with a row per manoeuvre (`SimulatedLog.manoeuvres`)."""
         rows: list[dict[str, object]] = []
         for each in self.driven:
-            begin_ns, times = int(self.trial_ns[each.trial]), each.times
+            start_ns, times = int(self.trial_ns[each.trial]), each.times
             rows.append(
                 {
                     "run": each.trial,
                     "manoeuvre": each.number,
                     "kind": times.kind,
-                    "start_ns": begin_ns + convert_to_whole_ns(times.start_s),
-                    "drive_ns": _add_seconds_to_unix_ns(begin_ns, times.drive_s),
-                    "steady_ns": _add_seconds_to_unix_ns(begin_ns, times.steady_s),
-                    "braking_ns": _add_seconds_to_unix_ns(begin_ns, times.braking_s),
-                    "end_ns": begin_ns + convert_to_whole_ns(times.end_s),
+                    "start_ns": start_ns + convert_to_whole_ns(times.start_s),
+                    "drive_ns": _add_seconds_to_unix_ns(start_ns, times.drive_s),
+                    "steady_ns": _add_seconds_to_unix_ns(start_ns, times.steady_s),
+                    "braking_ns": _add_seconds_to_unix_ns(start_ns, times.braking_s),
+                    "end_ns": start_ns + convert_to_whole_ns(times.end_s),
                     "load_kg": each.load_kg,
                     "load_end_kg": each.load_end_kg,
                     "mass_kg": each.body.mass_kg,

@@ -249,9 +249,9 @@ def interpolate_rows_into(
     for number in range(time_s.size):
         known = _find_row_before(rows, time_s[number], known)
         last[number] = known
-        begin = rows[known, plant.TIME]
-        span = rows[known + 1, plant.TIME] - begin
-        part = (time_s[number] - begin) / (span if span > 0.0 else 1.0)
+        start = rows[known, plant.TIME]
+        span = rows[known + 1, plant.TIME] - start
+        part = (time_s[number] - start) / (span if span > 0.0 else 1.0)
         part = min(max(part, 0.0), 1.0)
         for column in range(plant.COLUMNS):
             low = rows[known, column]

@@ -62,7 +62,7 @@ def compute_force_or_speed_command(
     time_s: float, stage: DriveStage, wave: Floats, wave_step_s: float
 ) -> float:
     """Commanded drive force in N or, for a pedal, the target speed in m/s."""
-    since_s = time_s - stage.begin_s
+    since_s = time_s - stage.start_s
     if wave.size:
         place = since_s / wave_step_s
         first = min(max(int(place), 0), wave.size - 2)
@@ -97,9 +97,9 @@ def _rotating_mass_kg(speed_m_s: float, machine: MachineAndGround) -> float:
 @compiled_inline
 def compute_total_mass_kg(time_s: float, stage: DriveStage) -> float:
     """Mass of machine and load in kg at a time in s, while material fills in or falls off."""
-    mass = stage.mass_kg + stage.fill_kg_s * (time_s - stage.begin_s)
+    mass = stage.mass_kg + stage.fill_kg_s * (time_s - stage.start_s)
     if stage.spill_1_s > 0.0:
-        mass += stage.load_kg * math.expm1(-stage.spill_1_s * (time_s - stage.begin_s))
+        mass += stage.load_kg * math.expm1(-stage.spill_1_s * (time_s - stage.start_s))
     return mass
 
 
@@ -117,10 +117,10 @@ def compute_pitch_acceleration_rad_s2(
 
 @compiled_inline
 def _fill_state_rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and what does not
-    t: float,
-    y: Floats,
-    grip: float,
-    waits: float,
+    time_s: float,
+    state: Floats,
+    direction: float,
+    one_way: float,
     machine: MachineAndGround,
     stage: DriveStage,
     wave: Floats,
@@ -128,20 +128,20 @@ def _fill_state_rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and w
     out: Floats,
 ) -> None:
     """Compute the derivatives of the state, and the forces, into `out`."""
-    wheel, body = y[WHEEL], y[BODY]
-    mass = compute_total_mass_kg(t, stage)
+    wheel, body = state[WHEEL], state[BODY]
+    mass = compute_total_mass_kg(time_s, stage)
     slope = machine.slope_rad + machine.hills_rad * math.sin(
-        machine.hills_wavenumber_rad_m * y[POSITION] + machine.hills_phase_rad
+        machine.hills_wavenumber_rad_m * state[POSITION] + machine.hills_phase_rad
     )
     gravity = stage.facing * machine.gravity_m_s2 * math.sin(slope)
-    boom = machine.boom_N * math.sin(machine.boom_rad_s * t)
-    force = limit_motor_force(y[DRIVE], wheel, machine)
+    boom = machine.boom_N * math.sin(machine.boom_rad_s * time_s)
+    force = limit_motor_force(state[DRIVE], wheel, machine)
     ground = force / machine.efficiency if force * wheel < 0.0 else force * machine.efficiency
     turn = stage.turn_rad_s * -math.expm1(-abs(wheel) / _TURNS_AT)
-    capacity = compute_coulomb_friction_newtons(t, turn, machine, stage)
+    capacity = compute_coulomb_friction_newtons(time_s, turn, machine, stage)
     capacity += compute_rolling_resistance_newtons(
-        y[POSITION], wheel, turn, mass, slope, machine
-    ) + compute_gentle_brake_force_newtons(t, grip, mass, gravity, machine, stage)
+        state[POSITION], wheel, turn, mass, slope, machine
+    ) + compute_gentle_brake_force_newtons(time_s, direction, mass, gravity, machine, stage)
     # material that was at rest is accelerated to the speed of the body
     filling = stage.fill_kg_s * body
     soft = machine.resonance_rad_s > 0.0
@@ -149,29 +149,29 @@ def _fill_state_rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and w
     wheel_kg = share * mass + _rotating_mass_kg(wheel, machine)
     body_kg = (1.0 - share) * mass
     friction = machine.friction_N_s_m * compute_cold_friction_fraction(
-        t, machine.friction_warming, machine.warming_s
+        time_s, machine.friction_warming, machine.warming_s
     )
     pull = ground - friction * wheel - share * mass * gravity
     pull -= machine.air_N_s2_m2 * abs(wheel) * wheel
-    pull -= stage.facing * machine.spring_N_m * y[POSITION]
+    pull -= stage.facing * machine.spring_N_m * state[POSITION]
     spring = 0.0
     if soft:
         reduced = wheel_kg * body_kg / (wheel_kg + body_kg)
         spring = (
             machine.resonance_rad_s
             * reduced
-            * (machine.resonance_rad_s * y[STRETCH] + 2.0 * machine.damping * (wheel - body))
+            * (machine.resonance_rad_s * state[STRETCH] + 2.0 * machine.damping * (wheel - body))
         )
         pull -= spring
     else:
         pull += boom - filling
-    brake = y[BRAKE]
+    brake = state[BRAKE]
     if stage.holds > 0.0:
         brake = pull
-    elif waits != 0.0:
-        brake = waits * min(waits * pull, 0.0)
+    elif one_way != 0.0:
+        brake = one_way * min(one_way * pull, 0.0)
     pull -= brake
-    wheel_acc = (pull - grip * capacity) / wheel_kg if grip != 0.0 else 0.0
+    wheel_acc = (pull - direction * capacity) / wheel_kg if direction != 0.0 else 0.0
     body_acc = wheel_acc
     if soft:
         body_acc = (spring + boom - filling) / body_kg - gravity
@@ -179,14 +179,14 @@ def _fill_state_rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and w
     out[WHEEL] = wheel_acc
     out[BODY] = body_acc
     out[STRETCH] = wheel - body if soft else 0.0
-    asked, braking = compute_force_or_speed_command(t, stage, wave, wave_step_s), stage.brake_N
+    asked, braking = compute_force_or_speed_command(time_s, stage, wave, wave_step_s), stage.brake_N
     if stage.pedal_N_s_m > 0.0:
         asked, braking = compute_pedal_and_brake_force(asked, wheel, stage)
-    out[DRIVE] = (asked - y[DRIVE]) / machine.lag_s
-    out[BRAKE] = (braking - y[BRAKE]) / machine.lag_s
-    out[PITCH] = y[PITCH_RATE]
+    out[DRIVE] = (asked - state[DRIVE]) / machine.lag_s
+    out[BRAKE] = (braking - state[BRAKE]) / machine.lag_s
+    out[PITCH] = state[PITCH_RATE]
     out[PITCH_RATE] = compute_pitch_acceleration_rad_s2(
-        y, body_acc, mass - machine.empty_kg, machine
+        state, body_acc, mass - machine.empty_kg, machine
     )
     out[_PULL] = pull
     out[_CAPACITY] = capacity
@@ -213,11 +213,11 @@ def _write_state_row(row: Floats, t: float, y: Floats, out: Floats, stands: floa
 
 @compiled
 def integrate_runge_kutta_step(  # noqa: PLR0913 - compiled, as above
-    t: float,
-    dt: float,
-    y: Floats,
-    grip: float,
-    waits: float,
+    time_s: float,
+    step_s: float,
+    state: Floats,
+    direction: float,
+    one_way: float,
     machine: MachineAndGround,
     stage: DriveStage,
     wave: Floats,
@@ -225,22 +225,40 @@ def integrate_runge_kutta_step(  # noqa: PLR0913 - compiled, as above
     k: Floats,
     next_state: Floats,
 ) -> None:
-    """One Runge-Kutta step from `y` to `next_state`; `k` (4, _OUT) begins with the rates at `t`."""
+    """Take a Runge-Kutta step from `state` to `next_state`; `k[0]` holds the rates at `time_s`."""
     for i in range(STATES):
-        next_state[i] = y[i] + 0.5 * dt * k[0, i]
+        next_state[i] = state[i] + 0.5 * step_s * k[0, i]
     _fill_state_rates(
-        t + 0.5 * dt, next_state, grip, waits, machine, stage, wave, wave_step_s, k[1]
+        time_s + 0.5 * step_s,
+        next_state,
+        direction,
+        one_way,
+        machine,
+        stage,
+        wave,
+        wave_step_s,
+        k[1],
     )
     for i in range(STATES):
-        next_state[i] = y[i] + 0.5 * dt * k[1, i]
+        next_state[i] = state[i] + 0.5 * step_s * k[1, i]
     _fill_state_rates(
-        t + 0.5 * dt, next_state, grip, waits, machine, stage, wave, wave_step_s, k[2]
+        time_s + 0.5 * step_s,
+        next_state,
+        direction,
+        one_way,
+        machine,
+        stage,
+        wave,
+        wave_step_s,
+        k[2],
     )
     for i in range(STATES):
-        next_state[i] = y[i] + dt * k[2, i]
-    _fill_state_rates(t + dt, next_state, grip, waits, machine, stage, wave, wave_step_s, k[3])
+        next_state[i] = state[i] + step_s * k[2, i]
+    _fill_state_rates(
+        time_s + step_s, next_state, direction, one_way, machine, stage, wave, wave_step_s, k[3]
+    )
     for i in range(STATES):
-        next_state[i] = y[i] + dt / 6.0 * (k[0, i] + 2.0 * (k[1, i] + k[2, i]) + k[3, i])
+        next_state[i] = state[i] + step_s / 6.0 * (k[0, i] + 2.0 * (k[1, i] + k[2, i]) + k[3, i])
 
 
 @compiled
@@ -248,7 +266,7 @@ def integrate_stage_until_end_or_standstill(  # noqa: PLR0913, PLR0915 - one loo
     end_s: float,
     steps: int,
     ends_at_standstill: bool,
-    y: Floats,
+    state: Floats,
     machine: MachineAndGround,
     stage: DriveStage,
     wave: Floats,
@@ -261,7 +279,7 @@ def integrate_stage_until_end_or_standstill(  # noqa: PLR0913, PLR0915 - one loo
         end_s: latest end of the stage, since the log began.
         steps: number of steps until then.
         ends_at_standstill: whether it ends when the wheels first stand.
-        y: (8,) state, changed in place.
+        state: (8,) state, changed in place.
         machine: machine and ground.
         stage: the commands.
         wave: (m,) commanded drive force or target speed every `wave_step_s`; empty uses the stage's
@@ -274,33 +292,35 @@ def integrate_stage_until_end_or_standstill(  # noqa: PLR0913, PLR0915 - one loo
     """
     k = np.zeros((4, _OUT))
     made = np.zeros(STATES)
-    t = stage.begin_s
+    t = stage.start_s
     step = (end_s - t) / steps
-    grip = float(np.sign(y[WHEEL]))
-    waits = stage.one_way if grip == 0.0 else 0.0
-    moved = grip != 0.0
+    direction = float(np.sign(state[WHEEL]))
+    one_way = stage.one_way if direction == 0.0 else 0.0
+    moved = direction != 0.0
     kept, number, blocked = 0, 0, False
     while number < steps and kept + 2 < rows.shape[0]:
-        _fill_state_rates(t, y, grip, waits, machine, stage, wave, wave_step_s, k[0])
-        if grip == 0.0 and stage.holds == 0.0 and not blocked:
+        _fill_state_rates(t, state, direction, one_way, machine, stage, wave, wave_step_s, k[0])
+        if direction == 0.0 and stage.holds == 0.0 and not blocked:
             pull = k[0, _PULL]
             if abs(pull) > max(k[0, _CAPACITY], _LEAST_GRIP):
-                grip = math.copysign(1.0, pull)
-                if waits != 0.0:
-                    y[BRAKE] = 0.0
-                waits = 0.0
+                direction = math.copysign(1.0, pull)
+                if one_way != 0.0:
+                    state[BRAKE] = 0.0
+                one_way = 0.0
                 moved = True
-                _fill_state_rates(t, y, grip, waits, machine, stage, wave, wave_step_s, k[0])
-        stands = 1.0 if grip == 0.0 and (waits != 0.0 or stage.holds > 0.0) else 0.0
-        _write_state_row(rows[kept], t, y, k[0], stands)
+                _fill_state_rates(
+                    t, state, direction, one_way, machine, stage, wave, wave_step_s, k[0]
+                )
+        stands = 1.0 if direction == 0.0 and (one_way != 0.0 or stage.holds > 0.0) else 0.0
+        _write_state_row(rows[kept], t, state, k[0], stands)
         kept += 1
-        dt = stage.begin_s + (number + 1) * step - t
+        dt = stage.start_s + (number + 1) * step - t
         integrate_runge_kutta_step(
-            t, dt, y, grip, waits, machine, stage, wave, wave_step_s, k, made
+            t, dt, state, direction, one_way, machine, stage, wave, wave_step_s, k, made
         )
-        crosses = grip != 0.0 and made[WHEEL] * grip < 0.0
+        crosses = direction != 0.0 and made[WHEEL] * direction < 0.0
         if crosses and not ends_at_standstill and k[0, _CAPACITY] <= _LEAST_GRIP:
-            grip = -grip
+            direction = -direction
             crosses = False
         blocked = False
         if crosses:
@@ -308,14 +328,14 @@ def integrate_stage_until_end_or_standstill(  # noqa: PLR0913, PLR0915 - one loo
             for _ in range(_HALVINGS):
                 middle = 0.5 * (least + most)
                 integrate_runge_kutta_step(
-                    t, middle, y, grip, waits, machine, stage, wave, wave_step_s, k, made
+                    t, middle, state, direction, one_way, machine, stage, wave, wave_step_s, k, made
                 )
-                if made[WHEEL] * grip < 0.0:
+                if made[WHEEL] * direction < 0.0:
                     most = middle
                 else:
                     least = middle
             integrate_runge_kutta_step(
-                t, least, y, grip, waits, machine, stage, wave, wave_step_s, k, made
+                t, least, state, direction, one_way, machine, stage, wave, wave_step_s, k, made
             )
             if machine.resonance_rad_s == 0.0:
                 made[BODY] = 0.0
@@ -323,20 +343,20 @@ def integrate_stage_until_end_or_standstill(  # noqa: PLR0913, PLR0915 - one loo
             t += least
             # no progress: friction sticks for the rest of this step
             blocked = least <= 1e-9 * step
-            y[:] = made
-            _fill_state_rates(t, y, grip, waits, machine, stage, wave, wave_step_s, k[0])
-            _write_state_row(rows[kept], t, y, k[0], 0.0)
+            state[:] = made
+            _fill_state_rates(t, state, direction, one_way, machine, stage, wave, wave_step_s, k[0])
+            _write_state_row(rows[kept], t, state, k[0], 0.0)
             kept += 1
             if ends_at_standstill:
                 return t, kept, moved
-            grip = 0.0
+            direction = 0.0
         else:
             number += 1
-            t = stage.begin_s + number * step
-            y[:] = made
-    _fill_state_rates(t, y, grip, waits, machine, stage, wave, wave_step_s, k[0])
-    stands = 1.0 if grip == 0.0 and (waits != 0.0 or stage.holds > 0.0) else 0.0
-    _write_state_row(rows[kept], t, y, k[0], stands)
+            t = stage.start_s + number * step
+            state[:] = made
+    _fill_state_rates(t, state, direction, one_way, machine, stage, wave, wave_step_s, k[0])
+    stands = 1.0 if direction == 0.0 and (one_way != 0.0 or stage.holds > 0.0) else 0.0
+    _write_state_row(rows[kept], t, state, k[0], stands)
     return t, kept + 1, moved
 
 

@@ -52,7 +52,7 @@ class MachineAndGround(NamedTuple):
 class DriveStage(NamedTuple):
     """A stage of a manoeuvre: commands and resistances; times since the log began."""
 
-    begin_s: float
+    start_s: float
     mass_kg: float
     drive_N: float = 0.0
     brake_N: float = 0.0

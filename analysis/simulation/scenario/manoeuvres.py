@@ -66,7 +66,7 @@ class Spin(_Manoeuvre):
 
 
 class Arc(_Manoeuvre):
-    """An arc at constant speed and yaw rate, with smooth ramps to and from standing."""
+    """An arc at constant speed and yaw rate, with smooth ramps to and from a standstill."""
 
     kind: Literal["arc"] = "arc"
     speed_m_s: float = Field(ge=-50, le=50, description="speed held, negative backwards")
@@ -102,7 +102,7 @@ class Excite(_Manoeuvre):
 
 
 class Travel(_Manoeuvre):
-    """Drive straight ahead at speeds that are held for a while each, perhaps with stands between.
+    """Drive straight ahead at speeds held for a while each, possibly with standstills between.
 
     The pedal follows the difference to the speed that is wanted.
     """

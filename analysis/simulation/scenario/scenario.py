@@ -268,7 +268,11 @@ class SimulatedCampaign(BaseModel):
         if any(not 0 <= load <= 1e6 for load in loads):
             raise ValueError("each load must be between 0 and 1e6 kg")
         if len(set(loads)) < len(loads):
-            raise ValueError("a load appears twice; raise 'runs' to repeat it")
+            repeated = next(load for load in loads if loads.count(load) > 1)
+            raise ValueError(
+                f"{repeated:g} kg appears twice; give each load once, and raise 'runs' to repeat "
+                "them all"
+            )
         return loads
 
 

@@ -160,7 +160,9 @@ class SimulatedShift(BaseModel):
                 "'load_kg' is not between 'load_least_kg' and 'load_most_kg'; correct one of them"
             )
         if self.carry_back_most_kg >= self.load_least_kg:
-            raise ValueError("'carry_back_most_kg' must be less than 'load_least_kg'")
+            raise ValueError(
+                "'carry_back_most_kg' is not less than 'load_least_kg'; correct one of them"
+            )
         if self.logs > 1 and self.restart_s > 0.3 * self.duration_h * 3600.0 / self.logs:
             raise ValueError(
                 "'restart_s' is nearly as long as a log; give fewer 'logs' or a shorter 'restart_s'"

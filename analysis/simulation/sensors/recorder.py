@@ -132,9 +132,9 @@ def mark_dropped_samples(
     common = RandomStreams(
         random_streams.seed, random_streams.load_index, timeline.assign_trial_numbers(grid_ns)
     )
-    begins = common.draw_uniform_0_to_1_per_sample("blackout") < -math.expm1(
+    starts = common.draw_uniform_0_to_1_per_sample("blackout") < -math.expm1(
         -1.0 / rate / log.blackout_every_s
     )
-    begins_ns = np.concatenate([[np.int64(-(2**62))], grid_ns[begins]])
-    last_ns = begins_ns[np.searchsorted(begins_ns, at_ns, side="right") - 1]
+    starts_ns = np.concatenate([[np.int64(-(2**62))], grid_ns[starts]])
+    last_ns = starts_ns[np.searchsorted(starts_ns, at_ns, side="right") - 1]
     return at_ns - last_ns < round(log.blackout_s * 1e9)

@@ -278,9 +278,9 @@ def find_repeated_sample_indices(
     defects = scenario.defects
     every_ns = round(defects.frozen_every_s * 1e9)
     number = times_since_start_ns // every_ns
-    begins_ns = number * every_ns
-    stuck = (number > 0) & (times_since_start_ns - begins_ns < round(defects.frozen_s * 1e9))
-    before = np.searchsorted(times_since_start_ns, begins_ns) - 1
+    starts_ns = number * every_ns
+    stuck = (number > 0) & (times_since_start_ns - starts_ns < round(defects.frozen_s * 1e9))
+    before = np.searchsorted(times_since_start_ns, starts_ns) - 1
     return np.where(stuck, before, np.arange(times_since_start_ns.size))
 
 

@@ -118,7 +118,7 @@ class _TrialLimits:
             case _:
                 pass
 
-    def _largest_rolling_resistance_deceleration_m_s2(self) -> float:
+    def _compute_largest_rolling_resistance_deceleration_m_s2(self) -> float:
         """Largest deceleration by rolling resistance of a slow machine."""
         terrain = self.scenario.terrain
         return (
@@ -127,7 +127,7 @@ class _TrialLimits:
             * math.cos(terrain.slope_rad)
         )
 
-    def _largest_uphill_deceleration_m_s2(self, sign: float) -> float:
+    def _compute_largest_uphill_deceleration_m_s2(self, sign: float) -> float:
         """Largest deceleration by gravity when driving along `sign`."""
         uphill = self.heaviest.uphill_m_s2
         return -abs(uphill) if self.turns else sign * uphill
@@ -140,7 +140,7 @@ class _TrialLimits:
         full_N = campaign.throttle_force_N * campaign.drive_fraction_at_throttle(start.throttle)
         coulomb_N = self.heaviest.coulomb_x_N
         resistance_N = coulomb_N + self.heaviest.mass_kg * (
-            worst + self._largest_rolling_resistance_deceleration_m_s2()
+            worst + self._compute_largest_rolling_resistance_deceleration_m_s2()
         )
         reached_N = full_N * -math.expm1(-start.start_s / campaign.valve_lag_s)
         if reached_N <= resistance_N:
@@ -152,7 +152,7 @@ class _TrialLimits:
                 f"{resistance_N:.0f} N; raise the force or reduce slope or friction"
             )
         light = self.lightest
-        downhill = self._largest_uphill_deceleration_m_s2(sign)
+        downhill = self._compute_largest_uphill_deceleration_m_s2(sign)
         push_N = full_N - coulomb_N - light.mass_kg * downhill
         if push_N > LIMITS.top_speed_m_s * max(
             light.friction_x_N_s_m, light.mass_kg / start.start_s
@@ -170,7 +170,9 @@ class _TrialLimits:
             1
         ] * campaign.drive_fraction_at_throttle(spin.throttle)
         reached_N_m = full_N_m * -math.expm1(-spin.start_s / campaign.valve_lag_s)
-        resistance_N_m = self.heaviest.coulomb_z_N_m + self._largest_slope_torque_newton_metres()
+        resistance_N_m = (
+            self.heaviest.coulomb_z_N_m + self._compute_largest_slope_torque_newton_metres()
+        )
         if reached_N_m <= resistance_N_m:
             raise ScenarioError(
                 f"{scenario_key}: the driving torque reaches {reached_N_m:.0f} N·m in start_s, but "
@@ -249,13 +251,16 @@ class _TrialLimits:
                 f"give at least {LIMITS.min_braking_m_s2 - downhill_acceleration_m_s2:.2f}"
             )
         spin_N_m = (braking - LIMITS.min_braking_m_s2) * 2.0 / self.scenario.machine.track_width_m
-        if self.lightest.inertia_z_kg_m2 * spin_N_m < self._largest_slope_torque_newton_metres():
+        if (
+            self.lightest.inertia_z_kg_m2 * spin_N_m
+            < self._compute_largest_slope_torque_newton_metres()
+        ):
             raise ScenarioError(
                 f"campaign.braking_m_s2: {braking:g} does not stop a spin on this slope; "
                 "give a larger value"
             )
 
-    def _largest_slope_torque_newton_metres(self) -> float:
+    def _compute_largest_slope_torque_newton_metres(self) -> float:
         """Largest torque of the slope about the origin, in N·m."""
         if not self.turns:
             return 0.0

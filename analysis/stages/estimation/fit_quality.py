@@ -136,8 +136,8 @@ def fit_slope_with_noisy_x(x: Floats, y: Floats, is_used: Bools, x_noise: float 
         return float("nan")
     x, y = x[is_used] - x[is_used].mean(), y[is_used] - y[is_used].mean()
     squares = float(x @ x)
-    told = max(squares - x_noise * x.size, LIMITS.min_variance_fraction * squares)
-    return float(x @ y) / told if told else float("nan")
+    squares_without_noise = max(squares - x_noise * x.size, LIMITS.min_variance_fraction * squares)
+    return float(x @ y) / squares_without_noise if squares_without_noise else float("nan")
 
 
 def estimate_spin_centre_offset_m(

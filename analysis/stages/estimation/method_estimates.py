@@ -142,13 +142,13 @@ def trace_each_load_separately(
     window, accepted, options = window_arguments
     bounds = [0, *load_start_rows, f.size]
     parts: list[Trace] = []
-    for begin, end in pairwise(bounds):
-        inside = accepted[begin:end].copy()
+    for start, end in pairwise(bounds):
+        inside = accepted[start:end].copy()
         inside[: window - 1] = False
         traced = method.estimator.estimate_along_log(
-            A[begin:end], f[begin:end], window, inside, options
+            A[start:end], f[start:end], window, inside, options
         )
-        parts.append(replace(traced, index=traced.index + begin))
+        parts.append(replace(traced, index=traced.index + start))
     fields = ("index", "theta", "std", "residual_rms", "condition")
     joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in fields}
     longest = max(parts, key=lambda part: part.index.size)

@@ -203,26 +203,28 @@ def split_driving_at_pauses_and_turns(
     return [part for part in parts if fewest <= part.size <= longest]
 
 
-def mark_slowing_before_driving(pushes: Bools, pushes_hard: Bools, is_driving: Bools) -> Bools:
+def mark_slowing_before_driving(
+    is_pushing: Bools, is_pushing_hard: Bools, is_driving: Bools
+) -> Bools:
     """Mark samples that slow down under a large force, or on the way to it or to driving, (n,).
 
     A machine that meets a pile at a held speed slows down before its force has risen.
 
     Args:
-        pushes: (n,) whether the machine slows down although its force drives.
-        pushes_hard: (n,) the same under a large force.
+        is_pushing: (n,) whether the machine slows down although its force drives.
+        is_pushing_hard: (n,) the same under a large force.
         is_driving: (n,) whether the machine drives.
     """
-    marked = pushes_hard.copy()
-    until = np.append(pushes_hard | is_driving, False)
-    for begin, end in zip(*find_flagged_runs(pushes), strict=True):
-        last = begin + np.flatnonzero(until[begin : end + 2])
-        marked[begin : last[-1] if last.size else begin] = True
+    marked = is_pushing_hard.copy()
+    until = np.append(is_pushing_hard | is_driving, False)
+    for start, end in zip(*find_flagged_runs(is_pushing), strict=True):
+        last = start + np.flatnonzero(until[start : end + 2])
+        marked[start : last[-1] if last.size else start] = True
     return marked
 
 
 def select_longest_part_without_stop(rows: Ints, is_standing: Bools) -> Ints:
-    """Of a stretch, the longest part without a stop: what a pile has stopped lurches when lifted.
+    """Select a stretch's longest part without a stop: after one in a pile, lifting lurches.
 
     A stretch whose parts are too short for a start stays whole.
 

@@ -36,8 +36,8 @@ def assign_manoeuvre_numbers_to_samples(excitation: pl.DataFrame, settings: Sett
     kinds = np.array([1 + alone.index(name) if name in alone else 0 for name in PHASE.categories])
     kind = kinds.astype(np.int8)[phase.cast(PHASE).to_physical().fill_null(0).to_numpy()]
     kind = np.where(known, kind, np.int8(-1))
-    begins = np.append(True, np.diff(kind) != 0)[: kind.size] & known
-    return np.where(known, np.cumsum(begins) - 1, -1).astype(np.int64)
+    starts = np.append(True, np.diff(kind) != 0)[: kind.size] & known
+    return np.where(known, np.cumsum(starts) - 1, -1).astype(np.int64)
 
 
 def assign_pooled_manoeuvre_numbers_to_samples(

@@ -88,13 +88,13 @@ def mark_stopping_samples(
     span = max(1, round(LIMITS.stop_span_s * settings.align.rate_hz))
     found = np.zeros(speed.size, np.bool_)
     ends = np.flatnonzero(is_standing & ~np.append(True, is_standing[:-1]))
-    begins = np.flatnonzero(~is_standing & np.append(True, is_standing[:-1]))
-    for begin, end in zip(begins, ends, strict=False):
-        fastest_from = np.maximum.accumulate(size[begin:end][::-1])[::-1]
-        before = np.append(np.full(span, fastest_from[0]), fastest_from)[: end - begin]
+    starts = np.flatnonzero(~is_standing & np.append(True, is_standing[:-1]))
+    for start, end in zip(starts, ends, strict=False):
+        fastest_from = np.maximum.accumulate(size[start:end][::-1])[::-1]
+        before = np.append(np.full(span, fastest_from[0]), fastest_from)[: end - start]
         steady = (before <= fastest_from + fall_m_s) & (fastest_from > 2.0 * fall_m_s)
-        steady[: np.argmax(size[begin:end]) + 1] = True
-        found[begin + np.flatnonzero(steady)[-1] + 1 : end] = True
+        steady[: np.argmax(size[start:end]) + 1] = True
+        found[start + np.flatnonzero(steady)[-1] + 1 : end] = True
     return found
 
 

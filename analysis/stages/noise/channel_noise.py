@@ -181,12 +181,12 @@ def replace_noise_hidden_by_grid(
         x = np.column_stack([columns[name] for name in column_names])
         return np.where(aligned["gap"].to_numpy()[:, None], np.nan, x)
 
-    told = simulate_noise_covariances_on_grid(channels, machine, grid_columns)
-    if told is None:
+    simulated = simulate_noise_covariances_on_grid(channels, machine, grid_columns)
+    if simulated is None:
         return
     for column in np.flatnonzero(unseen):
-        covariances[column, :] = np.where(unseen[:, None], told[column, :], 0.0)
-        covariances[:, column] = np.where(unseen[:, None], told[:, column], 0.0)
+        covariances[column, :] = np.where(unseen[:, None], simulated[column, :], 0.0)
+        covariances[:, column] = np.where(unseen[:, None], simulated[:, column], 0.0)
         sources[column] = "samples"
 
 
@@ -218,19 +218,19 @@ def compute_equation_columns_by_name(aligned: pl.DataFrame, machine: Machine) ->
 
 
 def _select_standing_and_moving_samples(
-    columns: Floats, stands: Bools, is_moving: Bools, is_known: Bools, rate_hz: float
+    columns: Floats, standing: Bools, is_moving: Bools, is_known: Bools, rate_hz: float
 ) -> NoiseSamples:
     """Select the settled part of each standstill, and the samples in motion."""
     after = round(LIMITS.settle_after_stop_s * rate_hz)
     before = round(LIMITS.settle_before_start_s * rate_hz)
     quiet = [
-        (a + after, b - before) for a, b in find_flagged_spans(stands) if b - before > a + after
+        (a + after, b - before) for a, b in find_flagged_spans(standing) if b - before > a + after
     ]
     quiet = quiet[:: max(len(quiet) // LIMITS.max_standstills, 1)]
-    quiet = [trim_stretch_to_settled_rows(columns, begin, end) for begin, end in quiet]
-    still = np.zeros(stands.size, np.bool_)
-    for begin, end in quiet:
-        still[begin:end] = True
+    quiet = [trim_stretch_to_settled_rows(columns, start, end) for start, end in quiet]
+    still = np.zeros(standing.size, np.bool_)
+    for start, end in quiet:
+        still[start:end] = True
     return NoiseSamples(
         x=columns,
         quiet=quiet,
@@ -319,10 +319,10 @@ def has_noise_at_standstill(samples: NoiseSamples, pieces: list[Floats], column:
     least = estimate_rounding_variance(samples, column)
     noisy = [float((part[:, column] ** 2).mean()) > least for part in pieces]
     many = [
-        np.unique(samples.x[begin : min(end, begin + LAGS), column]).size
+        np.unique(samples.x[start : min(end, start + LAGS), column]).size
         > LIMITS.constant_max_values
-        for begin, end in samples.quiet
-        if end > begin
+        for start, end in samples.quiet
+        if end > start
     ]
     return float(np.mean(noisy)) > 0.5 and float(np.mean(many)) > 0.5
 

@@ -93,7 +93,7 @@ class DerivativeNoise:
     rate_hz: float
 
     def compute_covariance_of_means(self, samples_per_mean: int) -> Floats:
-        """(3, 3) noise covariance of a trailing mean of so many samples."""
+        """(3, 3) noise covariance of a trailing mean of `samples_per_mean`."""
         found = self.columns.compute_covariance_of_means(samples_per_mean)
         if samples_per_mean < LIMITS.derivative_mean_samples:
             return found

@@ -173,8 +173,8 @@ def select_stamps_of_simulated_rows(
     channels: Mapping[str, mounting.Series], rate_hz: float
 ) -> dict[str, Ints]:
     """Stamps of each channel, up to `LIMITS.simulated_rows` after all channels have begun."""
-    begin = max(int(t[0]) for t, _ in channels.values())
-    end = begin + math.ceil(LIMITS.simulated_rows / rate_hz * 1e9)
+    start = max(int(t[0]) for t, _ in channels.values())
+    end = start + math.ceil(LIMITS.simulated_rows / rate_hz * 1e9)
     return {name: t[: max(int(np.searchsorted(t, end)), 2)] for name, (t, _) in channels.items()}
 
 

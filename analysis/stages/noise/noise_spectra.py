@@ -39,20 +39,20 @@ def find_flagged_spans(flags: Bools) -> list[tuple[int, int]]:
     return list(zip(first.tolist(), (last + 1).tolist(), strict=True))
 
 
-def trim_stretch_to_settled_rows(columns: Floats, begin: int, end: int) -> tuple[int, int]:
+def trim_stretch_to_settled_rows(columns: Floats, start: int, end: int) -> tuple[int, int]:
     """Trim a stretch at both ends to where the short means of all columns are level.
 
     The first second of a slow start may still count as standstill.
 
     Args:
-        columns: (rows, columns), finite from `begin` to `end`.
-        begin: first row of the stretch.
+        columns: (rows, columns), finite from `start` to `end`.
+        start: first row of the stretch.
         end: row after its last.
     """
     for _ in range(LIMITS.trim_rounds):
-        if end - begin < LIMITS.piece_min_samples:
+        if end - start < LIMITS.piece_min_samples:
             break
-        sums = np.cumsum(columns[begin:end] - columns[begin], axis=0)
+        sums = np.cumsum(columns[start:end] - columns[start], axis=0)
         means = (
             sums[LIMITS.short_mean_samples :] - sums[: -LIMITS.short_mean_samples]
         ) / LIMITS.short_mean_samples
@@ -65,11 +65,11 @@ def trim_stretch_to_settled_rows(columns: Floats, begin: int, end: int) -> tuple
             break
         middle = len(off) // 2
         late = away[away >= middle]
-        last = end if late.size == 0 else begin + int(late[0])
+        last = end if late.size == 0 else start + int(late[0])
         early = away[away < middle]
-        first = begin if early.size == 0 else begin + int(early[-1]) + LIMITS.short_mean_samples
-        begin, end = first, last
-    return begin, max(end, begin)
+        first = start if early.size == 0 else start + int(early[-1]) + LIMITS.short_mean_samples
+        start, end = first, last
+    return start, max(end, start)
 
 
 def cut_into_detrended_pieces(
@@ -87,9 +87,9 @@ def cut_into_detrended_pieces(
         for stretch in quiet_stretches
         if stretch[1] - stretch[0] >= LIMITS.piece_min_samples
     ]
-    pieces_in_all = sum(-(-(end - begin) // LIMITS.piece_max_samples) for begin, end in long)
-    for begin, end in long[:: max(pieces_in_all // LIMITS.max_pieces, 1)]:
-        parts = np.array_split(columns[begin:end], -(-(end - begin) // LIMITS.piece_max_samples))
+    pieces_in_all = sum(-(-(end - start) // LIMITS.piece_max_samples) for start, end in long)
+    for start, end in long[:: max(pieces_in_all // LIMITS.max_pieces, 1)]:
+        parts = np.array_split(columns[start:end], -(-(end - start) // LIMITS.piece_max_samples))
         cut.extend(detrend_piece(part) for part in parts)
     return cut[:: max(len(cut) // LIMITS.max_pieces, 1)]
 

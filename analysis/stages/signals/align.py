@@ -312,9 +312,9 @@ def _list_long_gap_notes(series: Mapping[str, ChannelSeries]) -> list[str]:
     A gap between counts from `LIMITS.reported_gap_s`; shorter ones are pauses.
     """
     required = select_required_series(series)
-    begin, end = find_common_span_ns(required)
-    span = extend_to_ends_of_log_ns((begin, end), required)
-    within = find_long_gaps_ns(required, LIMITS.reported_gap_s, begin, end)
+    start, end = find_common_span_ns(required)
+    span = extend_to_ends_of_log_ns((start, end), required)
+    within = find_long_gaps_ns(required, LIMITS.reported_gap_s, start, end)
     longest = [max(within, key=lambda gap: gap[1] - gap[0])] if within else []
     ends = [(int(each.t_ns[0]), int(each.t_ns[-1])) for each in required.values()]
     least_ns = LIMITS.longest_gap_s * 1e9
@@ -366,9 +366,9 @@ def make_grid_without_long_gaps(
     step_ns: float,
     first_point_number: int = 0,
 ) -> Ints:
-    """Grid points (rows,) in ns from start to end, without the inside of long gaps.
+    """Grid points (rows,) in ns from start to end, without those inside long gaps.
 
-    Points are numbered from `start_ns`; the first one returned is `first_point_number`.
+    Points are numbered from `start_ns`; none before `first_point_number` is returned.
     """
     pieces: list[tuple[int, int]] = []
     gaps = find_long_gaps_ns(required_channels, LIMITS.longest_gap_s, start_ns, end_ns)
@@ -383,7 +383,7 @@ def make_grid_without_long_gaps(
         first_point_number = max(first_point_number, right)
     # the slack keeps a last row that rounding would put just after the end
     pieces.append((first_point_number, int((end_ns - start_ns) / step_ns + 1e-9) + 1))
-    count = sum(stop - begin for begin, stop in pieces)
+    count = sum(stop - start for start, stop in pieces)
     if count > LIMITS.grid_max_rows:
         raise DataError(
             f"{(end_ns - start_ns) / 1e9:,.0f} s at {1e9 / step_ns:g} Hz are {count:,} rows, more "

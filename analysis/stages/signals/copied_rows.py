@@ -49,8 +49,8 @@ def drop_copied_rows(
     found = dict(raw_frames)
     for topic, copies in copies_by_topic.items():
         kept = np.ones(raw_frames[topic].height, np.bool_)
-        for begin, end, _ in copies:
-            kept[begin : end + 1] = False
+        for start, end, _ in copies:
+            kept[start : end + 1] = False
         found[topic] = raw_frames[topic].filter(kept)
     return found
 
@@ -58,7 +58,7 @@ def drop_copied_rows(
 def list_copied_row_notes(copies_by_topic: Mapping[str, list[Copy]]) -> list[str]:
     """Notes on topics whose copied rows are left out."""
     return [
-        f"{topic}: {sum(end - begin + 1 for begin, end, _ in copies):,} rows repeat earlier ones "
+        f"{topic}: {sum(end - start + 1 for start, end, _ in copies):,} rows repeat earlier ones "
         "to the last digit and are left out, as rows that were not recorded"
         for topic, copies in copies_by_topic.items()
     ]
@@ -79,10 +79,10 @@ def find_copied_stretches(stamps_ns: Ints, columns: list[Floats]) -> list[Copy]:
     rows = hash_rows(columns)
     found: list[Copy] = []
     for distance in _find_copy_distances(rows):
-        begins, ends = find_flagged_runs(rows[distance:] == rows[:-distance])
-        long = ends - begins + 1 >= LIMITS.copy_min_rows
-        for begin, end in zip(begins[long].tolist(), ends[long].tolist(), strict=True):
-            first, last = begin + distance, end + distance
+        starts, ends = find_flagged_runs(rows[distance:] == rows[:-distance])
+        long = ends - starts + 1 >= LIMITS.copy_min_rows
+        for start, end in zip(starts[long].tolist(), ends[long].tolist(), strict=True):
+            first, last = start + distance, end + distance
             if (
                 stamps_ns[last] - stamps_ns[first] < LIMITS.copy_min_s * NS_PER_S
                 or stamps_ns[first] <= stamps_ns[end]
@@ -91,7 +91,7 @@ def find_copied_stretches(stamps_ns: Ints, columns: list[Floats]) -> list[Copy]:
             readings = max(np.unique(x[first : last + 1]).size for x in columns)
             apart = all(last < b or first > e for b, e, _ in found)
             if readings >= LIMITS.copy_min_readings and apart:
-                found.append((first, last, begin))
+                found.append((first, last, start))
     return sorted(found)
 
 
@@ -138,18 +138,18 @@ def _find_copy_distances(row_hashes: Hashes) -> list[int]:
     """Distances in rows between windows with equal hashes, the most frequent first."""
     differs = np.concatenate([[0], np.cumsum(row_hashes[1:] != row_hashes[:-1])])
     count = row_hashes.size - LIMITS.copy_window_rows + 1
-    begins = np.flatnonzero(row_hashes[:count] % np.uint64(LIMITS.copy_window_spacing_rows) == 0)
-    begins = begins[
-        differs[begins + LIMITS.copy_window_rows - 1] - differs[begins]
+    starts = np.flatnonzero(row_hashes[:count] % np.uint64(LIMITS.copy_window_spacing_rows) == 0)
+    starts = starts[
+        differs[starts + LIMITS.copy_window_rows - 1] - differs[starts]
         >= LIMITS.copy_window_min_changes
     ]
-    windows = np.zeros(begins.size, np.uint64)
+    windows = np.zeros(starts.size, np.uint64)
     for k in range(LIMITS.copy_window_rows):
         windows *= _ODD
-        windows += row_hashes[begins + k]
+        windows += row_hashes[starts + k]
     order = np.argsort(windows, kind="stable")
     same = windows[order[1:]] == windows[order[:-1]]
-    distances = begins[order[1:][same]] - begins[order[:-1][same]]
+    distances = starts[order[1:][same]] - starts[order[:-1][same]]
     values, times = np.unique(distances, return_counts=True)
     return [
         int(each) for each in values[np.argsort(-times, kind="stable")][: LIMITS.copy_max_distances]

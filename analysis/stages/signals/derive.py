@@ -338,7 +338,7 @@ def _zero_unresolved_samples(name: str, t_ns: filters.Ints, x: filters.Floats) -
 
 
 def set_values_below_resolution_to_zero(values: filters.Floats) -> filters.Floats:
-    """Values (n,) with those below any sensor's resolution set to 0: filters ring for long."""
+    """Values (n,), magnitudes below `smallest_si` set to 0: a filter's output decays for long."""
     return np.where(np.abs(values) < LIMITS.smallest_si, 0.0, values)
 
 

@@ -55,8 +55,8 @@ class BagFile(BlockFile):
         path = self._file.path
         head = self._file.read_bytes(0, len(MAGIC + VERSION))
         if not head.startswith(MAGIC):
-            begin = self._file.read_bytes(0, KIND_BYTES)
-            why = describe_file_of_other_format(begin, "it does not start with '#ROSBAG V2.0'")
+            start = self._file.read_bytes(0, KIND_BYTES)
+            why = describe_file_of_other_format(start, "it does not start with '#ROSBAG V2.0'")
             raise LogError(f"{path}: not a ROS 1 bag; {why}")
         if not head.endswith(VERSION):
             version = head.removeprefix(MAGIC).split(b"\n")[0].decode(errors="replace")

@@ -59,14 +59,14 @@ def parse_bag_record(
 
 @compiled_for_many_iterations(estimate_scan_iterations)
 def scan_bag_records(
-    data: NDArray[np.uint8], begin: int, end: int, out_rows: NDArray[np.int64], first_row: int
+    data: NDArray[np.uint8], start: int, end: int, out_rows: NDArray[np.int64], first_row: int
 ) -> CountAndStop:
     """Find the rows of messages and connections; see `block_groups.RecordFinders`.
 
     It stops at an incomplete record, and at a record that only occurs outside chunks.
     """
     found = 0
-    at = begin
+    at = start
     room = out_rows.shape[1]
     while at + 8 <= end:
         op, connection, time, body, stop = parse_bag_record(data, at, end, LONGEST_HEADER)
@@ -84,9 +84,9 @@ def scan_bag_records(
 
 
 @compiled_for_many_iterations(estimate_scan_iterations)
-def _find_next_bag_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
+def _find_next_bag_record(data: NDArray[np.uint8], start: int, end: int, limit: int) -> int:
     """Find the first offset from which several records follow each other; -1 if none."""
-    for first in range(begin, end - 7):
+    for first in range(start, end - 7):
         at = first
         links = 0
         while links < _PROVEN and at + 8 <= end:

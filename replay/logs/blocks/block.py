@@ -94,7 +94,7 @@ def unpack_block_into(block: Block, file: FileBytes, out_bytes: NDArray[np.uint8
     return done
 
 
-def _read_zstd_block_with_end_frame(block: Block, file: FileBytes) -> memoryview:
+def _read_zstd_block_and_append_empty_frame(block: Block, file: FileBytes) -> memoryview:
     """Read the stored bytes of a block, and append an empty frame unless it is truncated."""
     room = max(0, min(block.stored_bytes, file.size - block.offset))
     stored = np.empty(room + len(_NOTHING), np.uint8)
@@ -113,7 +113,7 @@ def _decompress_block_into(block: Block, file: FileBytes, out_bytes: NDArray[np.
     # the decompressor reports a truncated stream, but not how much it has produced before
     step = _TORN_STEP if block.is_truncated else max(len(view), 1)
     if block.compression == "zstd":  # with its own library: Arrow copies through a buffer
-        frames = _read_zstd_block_with_end_frame(block, file)
+        frames = _read_zstd_block_and_append_empty_frame(block, file)
         stream = zstandard.ZstdDecompressor().stream_reader(frames, read_across_frames=True)
     else:
         stored = pa.py_buffer(file.read_byte_array(block.offset, block.stored_bytes))

@@ -240,12 +240,12 @@ def select_messages_of_connections(
     group_messages_by_connection(
         rows, find_indices_of_values(rows[KEY], connection_ids), first_ns, last_ns, ends, found
     )
-    begin = 0
+    start = 0
     for key, end in zip(connection_ids.tolist(), ends.tolist(), strict=True):
-        if end > begin:
-            offsets, lengths, times = found[:, begin:end]
+        if end > start:
+            offsets, lengths, times = found[:, start:end]
             yield RawBatch(key, data, offsets, lengths, times)
-        begin = end
+        start = end
 
 
 @compiled
@@ -274,11 +274,11 @@ def group_messages_by_connection(
             connection_indices[row] = -1
         elif connection_indices[row] >= 0:
             group_ends[connection_indices[row]] += 1
-    begin = 0
+    start = 0
     for owner in range(group_ends.size):
         count = group_ends[owner]
-        group_ends[owner] = begin
-        begin += count
+        group_ends[owner] = start
+        start += count
     for row in range(rows.shape[1]):
         owner = connection_indices[row]
         if owner >= 0:

@@ -229,8 +229,8 @@ class BlockStore:
             and block.last_ns >= first
         ]
         chosen = np.array(sorted(wanted), np.int64)
-        begins = np.array([*(block.first_ns for block in touched), END_NS], np.int64)
-        floors = np.minimum.accumulate(begins[::-1])[::-1]
+        starts = np.array([*(block.first_ns for block in touched), END_NS], np.int64)
+        floors = np.minimum.accumulate(starts[::-1])[::-1]
         done = 0
         for group in iter_unpacked_block_groups(self.file, touched, self.record_finders):
             self._compare_blocks_with_index(group)

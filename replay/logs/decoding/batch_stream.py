@@ -221,10 +221,10 @@ def count_rows_until(frame: pl.DataFrame, last_log_time_ns: int) -> int:
 
 def merge_overlapping_rows(first: pl.DataFrame, second: pl.DataFrame) -> list[pl.DataFrame]:
     """Split two sorted frames into consecutive parts, merging the rows that overlap in time."""
-    begin, end = second[TIME][0], first[TIME][-1]
-    if begin >= end:
+    start, end = second[TIME][0], first[TIME][-1]
+    if start >= end:
         return [first, second]
-    head = first[TIME].search_sorted(begin, side="right")
+    head = first[TIME].search_sorted(start, side="right")
     tail = second[TIME].search_sorted(end, side="left")
     between = pl.concat([first[head:], second[:tail]]).sort(TIME, maintain_order=True)
     return [part for part in (first[:head], between, second[tail:]) if part.height]

@@ -41,9 +41,9 @@ def _skip_prefetch(data: Bytes, offset: int) -> None:
 _RECORD_BYTES: Final = 256
 
 
-def estimate_scan_iterations(_data: Bytes, begin: int, end: int, *__: Any) -> int:
-    """Estimate the iterations of a loop over the records from byte `begin` to byte `end`."""
-    return (end - begin) // _RECORD_BYTES
+def estimate_scan_iterations(_data: Bytes, start: int, end: int, *__: Any) -> int:
+    """Estimate the iterations of a loop over the records from byte `start` to byte `end`."""
+    return (end - start) // _RECORD_BYTES
 
 
 def _make_compiled_primitive(name: str, interpreted: Callable[..., Any]) -> Any:

@@ -32,7 +32,7 @@ from replay.logs.decoding.walk_program import (
     allocate_message_layout_template,
     read_encapsulations,
 )
-from replay.logs.decoding.wire import ENCAPSULATIONS, REFUSED, ROS1, Wire
+from replay.logs.decoding.wire import ENCAPSULATIONS, REFUSED, ROS1, WireEncoding
 from replay.logs.messages.message_fields import ALL, OWN_COLUMNS, Field, resolve_message_field
 from replay.logs.messages.message_types import RecordType
 from replay.logs.messages.raw_batch import RawBatch
@@ -63,7 +63,7 @@ class BatchPass:
         program: DecodeProgram,
         direct: DirectFields,
         data: Bytes,
-        begins: Ints,
+        starts: Ints,
         sizes: Ints,
         *,
         swap: bool,
@@ -74,16 +74,16 @@ class BatchPass:
             program: program for the messages' type and encoding.
             direct: fields gathered during the pass.
             data: (bytes,) bytes that contain the messages.
-            begins: (n,) start of each message, after its encapsulation.
+            starts: (n,) start of each message, after its encapsulation.
             sizes: (n,) bytes of each message, without its encapsulation.
             swap: whether numbers are big-endian.
         """
         # messages too small for the definition are not complete, and need no row
         rows = int(np.count_nonzero(sizes >= program.least_bytes))
         self._program, self._direct, self._swap = program, direct, swap
-        self._messages = EncodedMessages(data, begins, sizes)
+        self._messages = EncodedMessages(data, starts, sizes)
         self._gathered = allocate_gathered_rows(direct.gather_plan, rows)
-        self._outcome = WalkOutcome(np.empty(begins.size, np.int8), np.empty(begins.size, np.int64))
+        self._outcome = WalkOutcome(np.empty(starts.size, np.int8), np.empty(starts.size, np.int64))
         self._room = room = np.full(program.nodes, min(rows * _ELEMENTS, int(sizes.sum())))
         room[0] = rows
         self._notes = _allocate_walk_notes(program, room)
@@ -162,13 +162,13 @@ class DecodePlan:
         self._read_fields = self._fields if self._stamp is None else (self._stamp, *self._fields)
         self._names = [*OWN_COLUMNS, *(field.name for field in self._fields)]
         #: encoding by the first two bytes of the encapsulation, big-endian; ROS 1 has none
-        self._wires: dict[int, Wire] = {0: ROS1} if ros1 else ENCAPSULATIONS
+        self._wires: dict[int, WireEncoding] = {0: ROS1} if ros1 else ENCAPSULATIONS
         self._record, self._wanted = record, wanted
-        self._programs: dict[Wire, _CompiledProgram] = {}
+        self._programs: dict[WireEncoding, _CompiledProgram] = {}
         # a type without a plan in the first encoding is decoded by a library
         self._compile_program_once_per_encoding(next(iter(self._wires.values())))
 
-    def _compile_program_once_per_encoding(self, wire: Wire) -> "_CompiledProgram":
+    def _compile_program_once_per_encoding(self, wire: WireEncoding) -> "_CompiledProgram":
         """Return the program for an encoding, compiled when a message first uses it."""
         if wire not in self._programs:
             program = compile_decode_program(self._record, self._wanted, wire)

@@ -31,7 +31,7 @@ from replay.logs.decoding.spans import (
     list_members_as_encoded,
     make_span_of_fixed_size_element,
 )
-from replay.logs.decoding.wire import Wire
+from replay.logs.decoding.wire import WireEncoding
 from replay.logs.messages.message_types import FieldType, ListOf, RecordType, Scalar
 
 #: Requested fields as a tree by name, in which lists have no level of their own; {} for a leaf.
@@ -72,7 +72,7 @@ class DecodeProgram:
     """Decoder of one message type in one wire encoding, compiled to steps."""
 
     #: encoding of the messages
-    wire: Wire
+    wire: WireEncoding
     #: (steps, 8) int64, with the columns of `Operand`
     steps: NDArray[np.int64]
     #: (marks,) the node of each mark
@@ -87,7 +87,9 @@ class DecodeProgram:
     root: NestedMessage
 
 
-def compile_decode_program(record: RecordType, wanted_fields: Wanted, wire: Wire) -> DecodeProgram:
+def compile_decode_program(
+    record: RecordType, wanted_fields: Wanted, wire: WireEncoding
+) -> DecodeProgram:
     """Compile the program of a message type.
 
     Raises:
@@ -110,7 +112,7 @@ def compile_decode_program(record: RecordType, wanted_fields: Wanted, wire: Wire
 
 @dataclass(slots=True)
 class _Compiler:
-    wire: Wire
+    wire: WireEncoding
     steps: list[list[int]] = field(default_factory=list[list[int]])
     mark_nodes: list[int] = field(default_factory=list[int])
     nodes: int = 1

@@ -126,7 +126,7 @@ class ColumnBuilder:
                 place = self._locate_one_element(place, step.element)
             else:
                 place = self._locate_one_element(
-                    place, self._find_element_index_by_name(above, step.element)
+                    place, self._find_element_index_in_each_message(above, step.element)
                 )
         found = self._gather_values_at_location(place)
         if spreads and field.kind in ELEMENT_TYPES:
@@ -223,7 +223,9 @@ class ColumnBuilder:
             list_location = replace(list_location, chosen=chosen)
         return self._locate_existing_element(list_location, number)
 
-    def _find_element_index_by_name(self, message_location: _Place, element_name: str) -> Ints:
+    def _find_element_index_in_each_message(
+        self, message_location: _Place, element_name: str
+    ) -> Ints:
         """Find the index of a name in the list `name` of each message; -1 if absent."""
         assert isinstance(message_location, _Elements)
         assert isinstance(message_location.located, NestedMessage)

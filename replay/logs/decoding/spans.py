@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from replay.logs.decoding.field_places import InlineArray, InlineField, InlineRecord, InlineValue
-from replay.logs.decoding.wire import WIDTHS, Wire
+from replay.logs.decoding.wire import WIDTHS, WireEncoding
 from replay.logs.messages.message_types import FieldType, ListOf, RecordType, Scalar
 
 #: Most bytes of a message: a definition whose messages must be larger is not a real one.
@@ -31,7 +31,7 @@ class Span:
         return offset
 
 
-def get_alignment_bytes(field_type: str, wire: Wire) -> int:
+def get_alignment_bytes(field_type: str, wire: WireEncoding) -> int:
     """Alignment of a number or stamp, in bytes."""
     return min(
         4 if field_type == "stamp" else get_scalar_size_bytes(field_type), wire.max_alignment
@@ -51,13 +51,15 @@ def get_scalar_size_bytes(scalar_type: str) -> int:
     return WIDTHS[scalar_type]
 
 
-def list_members_as_encoded(record: RecordType, wire: Wire) -> tuple[tuple[str, FieldType], ...]:
+def list_members_as_encoded(
+    record: RecordType, wire: WireEncoding
+) -> tuple[tuple[str, FieldType], ...]:
     """List the fields as encoded: in CDR, an empty message has one of a byte."""
     return record.fields or ((("", Scalar("uint8")),) if wire.cdr else ())
 
 
 def append_field_at_fixed_offset(
-    bytes_span: Span, field_type: FieldType, wire: Wire
+    bytes_span: Span, field_type: FieldType, wire: WireEncoding
 ) -> InlineValue | None:
     """Append a field to a span and return its place; None if its size or offset would vary."""
     if isinstance(field_type, Scalar):
@@ -86,7 +88,7 @@ def append_field_at_fixed_offset(
 
 
 def append_array_at_fixed_offset(
-    bytes_span: Span, element_type: FieldType, length: int, wire: Wire
+    bytes_span: Span, element_type: FieldType, length: int, wire: WireEncoding
 ) -> InlineArray | None:
     """Append an array of fixed size and return its place; None if its offset would vary."""
     fixed = make_span_of_fixed_size_element(element_type, wire)
@@ -108,7 +110,9 @@ class ElementSpan(NamedTuple):
     value: InlineValue
 
 
-def make_span_of_fixed_size_element(element_type: FieldType, wire: Wire) -> ElementSpan | None:
+def make_span_of_fixed_size_element(
+    element_type: FieldType, wire: WireEncoding
+) -> ElementSpan | None:
     """Make the span of a single list element; None if its size varies."""
     span = Span(compute_first_number_alignment_bytes(element_type, wire))
     value = append_field_at_fixed_offset(span, element_type, wire)
@@ -120,7 +124,7 @@ def compute_list_element_stride_bytes(element_span: Span) -> int:
     return -(-element_span.size // element_span.alignment) * element_span.alignment
 
 
-def compute_first_number_alignment_bytes(field_type: FieldType, wire: Wire) -> int:
+def compute_first_number_alignment_bytes(field_type: FieldType, wire: WireEncoding) -> int:
     """Alignment in bytes of a field's first number, which may be a string's length."""
     if isinstance(field_type, RecordType):
         filled = (
@@ -141,13 +145,13 @@ def compute_first_number_alignment_bytes(field_type: FieldType, wire: Wire) -> i
     return wire.length_alignment
 
 
-def is_preceded_by_byte_size(list_type: ListOf, wire: Wire) -> bool:
+def is_preceded_by_byte_size(list_type: ListOf, wire: WireEncoding) -> bool:
     """Whether a list is preceded by its size in bytes, as lists of anything but numbers may be."""
     is_number = isinstance(list_type.element, Scalar) and list_type.element.kind in WIDTHS
     return wire.delimited_lists and not is_number
 
 
-def compute_min_encoded_size_bytes(field_type: FieldType, wire: Wire) -> int:
+def compute_min_encoded_size_bytes(field_type: FieldType, wire: WireEncoding) -> int:
     """Minimum size of a field in bytes, without padding.
 
     Raises:

@@ -56,13 +56,15 @@ def _emit_copy_of_bytes(
 
 
 def _emit_float_to_double_conversion(_typing_context: Any, bits: Any) -> tuple[Any, Any]:
-    def generate_widen(context: Any, builder: Any, _typing_context: Any, arguments: Any) -> Any:
+    def generate_float_to_double_conversion(
+        context: Any, builder: Any, _signature: Any, arguments: Any
+    ) -> Any:
         word = builder.trunc(arguments[0], context.get_data_type(types.uint32))
         single = builder.bitcast(word, context.get_data_type(types.float32))
         double = builder.fpext(single, context.get_data_type(types.float64))
         return builder.bitcast(double, context.get_data_type(types.int64))
 
-    return types.int64(bits), generate_widen
+    return types.int64(bits), generate_float_to_double_conversion
 
 
 def _prefetch_cache_line(_typing_context: Any, data: Any, offset: Any) -> tuple[Any, Any] | None:

@@ -147,17 +147,17 @@ def locate_fields_in_messages(
         template: in: layout of the previous message, if any; out: of the last one.
         outcome: receives the outcome of each message.
     """
-    data, begins, sizes = messages
+    data, starts, sizes = messages
     faults, places = outcome
     table, marks, filled, kept, left = walk_notes
     checks, notes, elements, state = template
     check_count, note_count, other, other_size, other_end, walked = state
     for message in range(first, end):
-        begin, size = begins[message], sizes[message]
-        _prefetch_message(data, begins, sizes, message)
+        start, size = starts[message], sizes[message]
+        _prefetch_message(data, starts, sizes, message)
         is_known = check_count >= 0 and size == other_size
-        if is_known and has_same_layout_bytes(data, begin, other, checks, check_count):
-            _fill_positions_from_repeated_layout(table, marks, filled, notes, note_count, begin)
+        if is_known and has_same_layout_bytes(data, start, other, checks, check_count):
+            _fill_positions_from_repeated_layout(table, marks, filled, notes, note_count, start)
             _count_message_and_its_elements(filled, elements)
             faults[message] = 0
             places[message] = other_end
@@ -168,12 +168,12 @@ def locate_fields_in_messages(
         _copy_filled_counts(filled, kept)
         at = step = depth = fault = note_count = 0
         while step < steps.shape[0]:
-            place, count, told, stop, at, fault = read_decode_step(
-                data, begin, at, size, steps, step, encoding
+            place, count, length_end, stop, at, fault = read_decode_step(
+                data, start, at, size, steps, step, encoding
             )
             if fault != 0:
                 break
-            check_count = _append_range_to_compare(checks, check_count, told, stop)
+            check_count = _append_range_to_compare(checks, check_count, length_end, stop)
             mark = steps[step, _MARK]
             if mark >= 0:
                 node = steps[step, _NODE]
@@ -181,14 +181,14 @@ def locate_fields_in_messages(
                 check_count, note_count = _add_note_to_template(
                     notes, check_count, note_count, mark, element - int(kept[node]), place, count
                 )
-                _fill_position_and_count(table, marks, mark, element, place, count, begin)
+                _fill_position_and_count(table, marks, mark, element, place, count, start)
             step, depth = find_next_step(steps, step, filled, left, depth, count)
         if fault == 0 and size - at > (3 if encoding.cdr else 0):
             fault = _GOES_ON
         faults[message] = fault
         places[message] = at
         if fault == 0:
-            other, other_size, other_end = begin, size, at
+            other, other_size, other_end = start, size, at
             _count_message_and_store_list_lengths(filled, kept, elements)
         else:
             check_count = -1
@@ -198,24 +198,24 @@ def locate_fields_in_messages(
 
 
 @compiled_inline
-def _prefetch_message(data: Bytes, begins: Ints, sizes: Ints, message_index: int) -> None:
+def _prefetch_message(data: Bytes, starts: Ints, sizes: Ints, message_index: int) -> None:
     """Prefetch a later message into the processor's cache."""
-    if message_index + _AHEAD < begins.size:
-        begin = begins[message_index + _AHEAD]
-        for line in range(begin, begin + sizes[message_index + _AHEAD], _LINE_BYTES):
+    if message_index + _AHEAD < starts.size:
+        start = starts[message_index + _AHEAD]
+        for line in range(start, start + sizes[message_index + _AHEAD], _LINE_BYTES):
             fetch(data, line)
 
 
 @compiled_inline
 def has_same_layout_bytes(
-    data: Bytes, begin: int, other_begin: int, ranges_to_compare: Ints, range_count: int
+    data: Bytes, start: int, other_begin: int, ranges_to_compare: Ints, range_count: int
 ) -> bool:
     """Whether a message equals another of the same size in all bytes that determine the layout."""
-    gap = other_begin - begin
+    gap = other_begin - start
     same = True
     check = 0
     while same and check < range_count:
-        at = begin + ranges_to_compare[check, 0]
+        at = start + ranges_to_compare[check, 0]
         last = at + ranges_to_compare[check, 1]
         while same and at + 8 <= last:
             same = load64(data, at) == load64(data, at + gap)
@@ -229,25 +229,25 @@ def has_same_layout_bytes(
 
 @compiled_inline
 def _fill_positions_from_repeated_layout(
-    table: Ints, marks: Ints, filled_counts: Ints, template_notes: Ints, count: int, begin: int
+    table: Ints, marks: Ints, filled_counts: Ints, template_notes: Ints, count: int, start: int
 ) -> None:
     """Write the marks of a message that repeats another's layout."""
     for number in range(count):
         mark = template_notes[number, 0]
         element = filled_counts[table[mark, 0]] + template_notes[number, 1]
         _fill_position_and_count(
-            table, marks, mark, element, template_notes[number, 2], template_notes[number, 3], begin
+            table, marks, mark, element, template_notes[number, 2], template_notes[number, 3], start
         )
 
 
 @compiled_inline
 def _fill_position_and_count(
-    table: Ints, marks: Ints, mark: int, element: int, position: int, count: int, begin: int
+    table: Ints, marks: Ints, mark: int, element: int, position: int, count: int, start: int
 ) -> None:
     """Write position and count of an element, each unless it is -1, if there is room."""
     if element < table[mark, 2]:
         if position >= 0:
-            marks[table[mark, 1] + element] = begin + position
+            marks[table[mark, 1] + element] = start + position
             mark += 1
         if count >= 0:
             marks[table[mark, 1] + element] = count
@@ -323,7 +323,7 @@ def find_next_step(
 
 @compiled_inline
 def read_decode_step(
-    data: Bytes, begin: int, offset: int, size: int, steps: Ints, step: int, encoding: Encoding
+    data: Bytes, start: int, offset: int, size: int, steps: Ints, step: int, encoding: Encoding
 ) -> tuple[int, int, int, int, int, int]:
     """Locate and check the bytes of one step.
 
@@ -340,20 +340,20 @@ def read_decode_step(
         if steps[step, _SIZE] > size - offset:
             return -1, -1, offset, offset, offset, _ENDS
         return offset, -1, offset, offset, offset + steps[step, _SIZE], 0
-    count, told, offset, fault = _read_length_field(
-        data, begin, offset, size, encoding, steps[step, _LENGTH]
+    count, length_end, offset, fault = _read_length_field(
+        data, start, offset, size, encoding, steps[step, _LENGTH]
     )
     if fault != 0:
-        return -1, -1, told, offset, offset, fault
+        return -1, -1, length_end, offset, offset, fault
     if op == _TEXT:
-        place, count, end, fault = _locate_string(data, begin, offset, size, count, encoding.cdr)
-        return place, count, told, end, end, fault
+        place, count, end, fault = _locate_string(data, start, offset, size, count, encoding.cdr)
+        return place, count, length_end, end, end, fault
     if op == _STRIDED:
         place, end, fault = _locate_strided_elements(steps, step, offset, size, count)
-        return place, count, told, offset, end if fault == 0 else offset, fault
+        return place, count, length_end, offset, end if fault == 0 else offset, fault
     # each element has at least a byte; the first comparison prevents overflow of the product
     is_long = count > size - offset or count * steps[step, _SIZE] > size - offset
-    return -1, count, told, offset, offset, _LONG_LIST if is_long else 0
+    return -1, count, length_end, offset, offset, _LONG_LIST if is_long else 0
 
 
 #: Length, start and end of the bytes that state it, and fault.
@@ -362,15 +362,15 @@ LengthField: TypeAlias = tuple[int, int, int, int]
 
 @compiled_inline
 def _read_length_field(
-    data: Bytes, begin: int, offset: int, size: int, encoding: Encoding, is_length_known: int
+    data: Bytes, start: int, offset: int, size: int, encoding: Encoding, fixed_length: int
 ) -> LengthField:
     """Read the length of a string or list, unless the definition fixes it (then not negative)."""
-    if is_length_known >= 0:
-        return is_length_known, offset, offset, 0
+    if fixed_length >= 0:
+        return fixed_length, offset, offset, 0
     offset = (offset + encoding.length_alignment - 1) & -encoding.length_alignment
     if size - offset < 4:
         return 0, offset, offset, _ENDS
-    length = load32(data, begin + offset)
+    length = load32(data, start + offset)
     if encoding.swap:
         length = (
             length >> 24 | (length >> 8 & 0xFF00) | (length & 0xFF00) << 8 | (length & 0xFF) << 24
@@ -384,17 +384,17 @@ StringLocation: TypeAlias = tuple[int, int, int, int]
 
 @compiled_inline
 def _locate_string(
-    data: Bytes, begin: int, offset: int, size: int, length: int, cdr: bool
+    data: Bytes, message_start: int, offset: int, message_size: int, text_length: int, is_cdr: bool
 ) -> StringLocation:
     """Locate the text of a string without its terminator, and check that it is UTF-8."""
-    if length > size - offset:
-        return offset, length, offset, _LONG_TEXT
-    stop, count = offset + length, length
-    if cdr and length > 0:
+    if text_length > message_size - offset:
+        return offset, text_length, offset, _LONG_TEXT
+    stop, count = offset + text_length, text_length
+    if is_cdr and text_length > 0:
         count -= 1
-        if data[begin + offset + count] != 0:
+        if data[message_start + offset + count] != 0:
             return offset, count, stop, _NO_NUL
-    byte, last = begin + offset, begin + offset + count
+    byte, last = message_start + offset, message_start + offset + count
     while byte + 8 <= last and load64(data, byte) & _NOT_ASCII == 0:
         byte += 8
     while byte < last and data[byte] < 0x80:
@@ -424,14 +424,14 @@ def _locate_strided_elements(
 
 
 @compiled_inline
-def _append_range_to_compare(ranges: Ints, range_count: int, begin: int, end: int) -> int:
+def _append_range_to_compare(ranges: Ints, range_count: int, start: int, end: int) -> int:
     """Append a range of bytes to compare; return the number of ranges, -1 if there is no room."""
-    if range_count < 0 or end == begin:
+    if range_count < 0 or end == start:
         return range_count
     if range_count == _MOST_CHECKS:
         return -1
-    ranges[range_count, 0] = begin
-    ranges[range_count, 1] = end - begin
+    ranges[range_count, 0] = start
+    ranges[range_count, 1] = end - start
     return range_count + 1
 
 

@@ -13,7 +13,7 @@ WIDTHS: Final = {
 
 
 @dataclass(frozen=True, slots=True)
-class Wire:
+class WireEncoding:
     """Encoding of a message's fields in bytes.
 
     `cdr` has an encapsulation of 4 bytes, from whose end alignment counts, ends strings in a NUL
@@ -38,9 +38,9 @@ class Wire:
         return min(4, self.max_alignment)
 
 
-ROS1: Final = Wire(cdr=False, max_alignment=1)
-CDR: Final = Wire(cdr=True, max_alignment=8)
-XCDR2: Final = Wire(cdr=True, max_alignment=4, delimited_lists=True)
+ROS1: Final = WireEncoding(cdr=False, max_alignment=1)
+CDR: Final = WireEncoding(cdr=True, max_alignment=8)
+XCDR2: Final = WireEncoding(cdr=True, max_alignment=4, delimited_lists=True)
 #: Encoding by the second byte of the encapsulation (the first is 0), whose lowest bit means
 #: little-endian.
 #: DDSI-RTPS 2.5 numbers XCDR2 from 6, XTypes 1.3 from 16.

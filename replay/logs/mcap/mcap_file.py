@@ -116,9 +116,9 @@ class McapFile(BlockFile):
 
     def _read_connections_or_scan(self) -> tuple[Connection, ...]:
         if self._file.read_bytes(0, len(MAGIC)) != MAGIC:
-            begin = self._file.read_bytes(0, KIND_BYTES)
+            start = self._file.read_bytes(0, KIND_BYTES)
             why = describe_file_of_other_format(
-                begin, "it does not start with the MCAP magic bytes"
+                start, "it does not start with the MCAP magic bytes"
             )
             raise LogError(f"{self._file.path}: not an MCAP file; {why}")
         summary = Summary(self._file)
@@ -137,8 +137,8 @@ class McapFile(BlockFile):
             said = walk.message_count if said is None else said
         found = self._store.message_count
         # the messages of damaged chunks, if all their numbers are known
-        told = self._store.damage.lost_message_count or 0
-        if said not in (None, found + told):
+        lost_messages = self._store.damage.lost_message_count or 0
+        if said not in (None, found + lost_messages):
             self._store.damage.add_damage_sentence(
                 f"its statistics count {said:,} messages, but {found:,} were found"
             )

@@ -25,14 +25,14 @@ _PROVEN: Final = 4
 
 @compiled_for_many_iterations(estimate_scan_iterations)
 def scan_mcap_records(
-    data: NDArray[np.uint8], begin: int, end: int, out_rows: NDArray[np.int64], first_row: int
+    data: NDArray[np.uint8], start: int, end: int, out_rows: NDArray[np.int64], first_row: int
 ) -> CountAndStop:
     """Find the rows of messages, schemas and channels; see `block_groups.RecordFinders`.
 
     It stops at an incomplete record, and at a record that only occurs outside chunks.
     """
     found = 0
-    at = begin
+    at = start
     room = out_rows.shape[1]
     while at + _HEAD <= end:
         opcode = np.int64(data[at])
@@ -90,9 +90,9 @@ def _find_record_end_and_plausibility(
 
 
 @compiled_for_many_iterations(estimate_scan_iterations)
-def _find_next_mcap_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
+def _find_next_mcap_record(data: NDArray[np.uint8], start: int, end: int, limit: int) -> int:
     """Find the first offset from which plausible records follow each other; -1 if none."""
-    for first in range(begin, end - _HEAD + 1):
+    for first in range(start, end - _HEAD + 1):
         at = first
         proof = 0
         while proof < _PROVEN and at + _HEAD <= end:

@@ -226,10 +226,10 @@ def count_indexed_messages(chunk: ChunkIndex) -> dict[int, int]:
 
     Empty if the indexes do not directly follow the chunk and each other.
     """
-    begin = chunk.chunk_start_offset + chunk.chunk_length
+    start = chunk.chunk_start_offset + chunk.chunk_length
     places = sorted(chunk.message_index_offsets.items(), key=itemgetter(1))
-    ends = [*(offset for _, offset in places), begin + chunk.message_index_length]
-    if ends[0] != begin:
+    ends = [*(offset for _, offset in places), start + chunk.message_index_length]
+    if ends[0] != start:
         return {}
     counts: dict[int, int] = {}
     for (key, offset), end in zip(places, ends[1:], strict=True):
@@ -249,14 +249,14 @@ def read_indexed_times_of_chunk(
     None if the indexes are incomplete, overlap or are missing.
     """
     offsets = chunk.message_index_offsets
-    begin = chunk.chunk_start_offset + chunk.chunk_length
-    if not offsets or min(offsets.values()) < begin:
+    start = chunk.chunk_start_offset + chunk.chunk_length
+    if not offsets or min(offsets.values()) < start:
         return None
-    section = file.read_byte_array(begin, chunk.message_index_length)
+    section = file.read_byte_array(start, chunk.message_index_length)
     left = len(section)
     times: dict[int, NDArray[np.int64]] = {}
     for key, offset in offsets.items():
-        at = offset - begin
+        at = offset - start
         if at + _MESSAGE_INDEX.size > len(section):
             return None
         opcode, _, channel, size = _MESSAGE_INDEX.unpack_from(section.data, at)

@@ -74,13 +74,13 @@ class RawBatch:
             yield self
             return
         ends = np.cumsum(self.lengths)
-        begin = 0
-        while begin < self.message_count:
-            full = ends[begin] - self.lengths[begin] + BATCH_BYTES
+        start = 0
+        while start < self.message_count:
+            full = ends[start] - self.lengths[start] + BATCH_BYTES
             end = int(np.searchsorted(ends, full, side="right"))
-            end = min(max(end, begin + 1), begin + BATCH_ROWS)
-            yield self.select_messages(slice(begin, end))
-            begin = end
+            end = min(max(end, start + 1), start + BATCH_ROWS)
+            yield self.select_messages(slice(start, end))
+            start = end
 
     def iter_messages(self) -> Iterator[bytes]:
         """Yield the bytes of each message."""

@@ -122,10 +122,10 @@ class Rosbag2Directory:
                 faults.append(fault)
                 self._losses.add_loss(path, f"not read: {fault}")
         if not self._parts:
-            told = [str(loss) for loss in self._losses] or faults
+            reasons = [str(loss) for loss in self._losses] or faults
             raise LogError(
                 f"{self._path}: none of its bag files can be read: "
-                f"{'; '.join(told) or 'there is no storage file'}"
+                f"{'; '.join(reasons) or 'there is no storage file'}"
             )
         yaml = self._path / METADATA
         return (yaml, *opened) if yaml.exists() else tuple(opened)

@@ -96,7 +96,7 @@ def _count_local_bytes(record_bytes: int, usable_page_bytes: int) -> int:
 def parse_row_cell(
     data: NDArray[np.uint8],
     offset: int,
-    begin: int,
+    start: int,
     end: int,
     layout: PageLayout,
     is_message_wanted: bool,
@@ -108,7 +108,7 @@ def parse_row_cell(
         of the message, its bytes in the leaf, and the end of the record's part in the leaf.
     """
     damaged = (DAMAGED, 0, 0, 0, 0, 0, 0, 0)
-    payload, row_id, offset, stop = parse_cell_header(data, offset, begin, end, layout)
+    payload, row_id, offset, stop = parse_cell_header(data, offset, start, end, layout)
     if stop < 0:
         return damaged
     head, field = read_varint_and_end(data, offset, stop)
@@ -149,14 +149,14 @@ CellHeader: TypeAlias = tuple[int, int, int, int]
 
 @compiled_without_refcounts
 def parse_cell_header(
-    data: NDArray[np.uint8], offset: int, begin: int, end: int, layout: PageLayout
+    data: NDArray[np.uint8], offset: int, start: int, end: int, layout: PageLayout
 ) -> CellHeader:
     """Parse a cell's header: size of its record, row id, start, and end of its part in the leaf.
 
     The end is -1 if the cell is damaged.
     """
     damaged = (0, 0, 0, -1)
-    if offset < begin or offset >= end:
+    if offset < start or offset >= end:
         return damaged
     payload, offset = read_varint_and_end(data, offset, end)
     if offset < 0 or payload < 0 or payload > layout.pages * layout.page_bytes:

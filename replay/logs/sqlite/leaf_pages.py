@@ -174,8 +174,8 @@ def read_page_ranges_into(
     file: FileBytes, ranges: PageRanges, page_bytes: int, out_bytes: NDArray[np.uint8]
 ) -> bool:
     """Read ranges of pages into `out_bytes`; return whether the file has all of them."""
-    for first, pages, begin in zip(*(each.tolist() for each in ranges), strict=True):
-        part = out_bytes[begin : begin + pages * page_bytes]
+    for first, pages, start in zip(*(each.tolist() for each in ranges), strict=True):
+        part = out_bytes[start : start + pages * page_bytes]
         if file.read_into((first - 1) * page_bytes, part) < part.size:
             return False
     return True
@@ -223,7 +223,7 @@ def scan_requested_rows_of_leaf_pages(
             at = base + read_big_endian(
                 data, base + _LEAF_HEAD + 2 * int(scan_position[AT_CELL]), 2
             )
-            what, row_id, topic, time, begin, length, local, stop = parse_row_cell(
+            what, row_id, topic, time, start, length, local, stop = parse_row_cell(
                 data, at, contents, end, layout, row_filter.are_messages_read
             )
             if what == UNUSUAL:
@@ -237,14 +237,14 @@ def scan_requested_rows_of_leaf_pages(
             ):
                 if found == rows.shape[1]:
                     return found, spilled, used, True
-                offset = begin
+                offset = start
                 if local < length and row_filter.are_messages_read:
                     if spilled == spills.shape[1] or (used and used + length > max_overflow_bytes):
                         return found, spilled, used, True
                     offset = overflow_begin + used
                     used += length
                     spills[ROW, spilled] = found
-                    spills[BEGIN, spilled] = begin
+                    spills[BEGIN, spilled] = start
                     spills[LOCAL, spilled] = local
                     spills[PAGE, spilled] = read_big_endian(data, stop, 4)
                     spills[REST, spilled] = length - local

@@ -289,9 +289,9 @@ def _join_overflow_chains(
     while state[_SPILL] < count:
         spill = state[_SPILL]
         if state[_LEFT] == 0:
-            begin, to = spills[BEGIN, spill], rows[OFFSET, spills[ROW, spill]]
+            start, to = spills[BEGIN, spill], rows[OFFSET, spills[ROW, spill]]
             local = spills[LOCAL, spill]
-            data[to : to + local] = data[begin : begin + local]
+            data[to : to + local] = data[start : start + local]
             state[_NEXT] = spills[PAGE, spill]
             state[_TO] = to + spills[LOCAL, spill]
             state[_LEFT] = spills[REST, spill]

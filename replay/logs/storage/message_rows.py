@@ -21,11 +21,11 @@ def group_rows_by_connection(
     order = np.argsort(connection_of_row, kind="stable")
     ordered = connection_of_row[order]
     bounds = [*np.flatnonzero(np.diff(ordered)) + 1, ordered.size]
-    begin = int(np.searchsorted(ordered, 0))
+    start = int(np.searchsorted(ordered, 0))
     for end in bounds:
-        if end > begin:
-            yield int(ordered[begin]), order[begin:end]
-            begin = end
+        if end > start:
+            yield int(ordered[start]), order[start:end]
+            start = end
 
 
 def prefetch_items_in_thread(items: Iterator[T]) -> Iterator[T]:

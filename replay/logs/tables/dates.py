@@ -172,18 +172,18 @@ def convert_local_times_to_utc(stamps: pl.Series, zone: str) -> pl.Series:
         return first.alias(stamps.name)
     known = stamps.is_not_null()
     is_second = np.zeros(stamps.len(), dtype=bool)
-    is_second[known.to_numpy()] = _mark_second_hours(
+    is_second[known.to_numpy()] = _mark_second_occurrence_of_repeated_hour(
         stamps.filter(known).to_numpy(), twice.filter(known).to_numpy()
     )
     return second.zip_with(pl.Series(is_second), first).alias(stamps.name)
 
 
-def _mark_second_hours(local_ns: Ints, twice: Bools) -> Bools:
+def _mark_second_occurrence_of_repeated_hour(local_ns: Ints, is_repeated: Bools) -> Bools:
     """Mark the rows of the second of two hours of one name, (rows,).
 
     Args:
         local_ns: (rows,) local times, none missing.
-        twice: (rows,) whether the time comes twice.
+        is_repeated: (rows,) whether the time comes twice.
 
     Raises:
         TimeError: the rows are not in order of time, so that their order shows nothing.
@@ -191,23 +191,23 @@ def _mark_second_hours(local_ns: Ints, twice: Bools) -> Bools:
     steps_ns = np.diff(local_ns)
     falls = steps_ns < -LIMITS.set_back_ns
     is_descending = 2 * np.count_nonzero((steps_ns < 0) & ~falls) > steps_ns.size
-    if is_descending or (falls & ~(twice[:-1] & twice[1:])).any():
+    if is_descending or (falls & ~(is_repeated[:-1] & is_repeated[1:])).any():
         raise TimeError(
             "its times occur twice in the hour when clocks are set back, and the rows are not in "
             "recorded order, which would tell the two hours apart; sort them"
         )
-    is_second = np.zeros(twice.size, dtype=bool)
-    for begin, end in zip(*find_flagged_runs(twice), strict=True):
-        fallen = np.flatnonzero(falls[begin:end])
+    is_second = np.zeros(is_repeated.size, dtype=bool)
+    for start, end in zip(*find_flagged_runs(is_repeated), strict=True):
+        fallen = np.flatnonzero(falls[start:end])
         if fallen.size > 1:
             raise TimeError(
                 "its times jump back twice or more in the hour when clocks are set back"
             )
         if fallen.size:
-            is_second[begin + int(fallen[0]) + 1 : end + 1] = True
+            is_second[start + int(fallen[0]) + 1 : end + 1] = True
         elif end < steps_ns.size and steps_ns[end] < LIMITS.set_back_ns:
-            before_ns = steps_ns[begin - 1] if begin else LIMITS.set_back_ns
-            is_second[begin : end + 1] = before_ns >= LIMITS.set_back_ns
+            before_ns = steps_ns[start - 1] if start else LIMITS.set_back_ns
+            is_second[start : end + 1] = before_ns >= LIMITS.set_back_ns
     return is_second
 
 
@@ -262,8 +262,8 @@ def count_days_since_1970(
         date_groups = decide_which_number_is_day(date_groups, is_day_first, notes)
     if "name" in date_groups.columns:
         date_groups = split_dates_with_short_years(date_groups, is_day_first)
-        begins = [pl.col("name").str.to_lowercase().str.starts_with(each) for each in _MONTH_OF]
-        months = zip(begins, _MONTH_OF.values(), strict=True)
+        starts = [pl.col("name").str.to_lowercase().str.starts_with(each) for each in _MONTH_OF]
+        months = zip(starts, _MONTH_OF.values(), strict=True)
         number = pl.coalesce(pl.when(fits).then(month) for fits, month in months)
         date_groups = date_groups.with_columns(number.cast(pl.String).alias("m"))
     years = date_groups.get_column("y").cast(pl.Int64, strict=False).drop_nulls()

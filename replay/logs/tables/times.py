@@ -156,8 +156,8 @@ class Epoch:
 
     def covers_numbers(self, min_number: float, max_number: float) -> bool:
         """Whether this clock places `min_number` to `max_number` between 2000 and 2041."""
-        begin, end = (s * 1e9 / self.unit_ns + self.at_1970 for s in _LOG_S)
-        return begin <= min_number and max_number < end
+        start, end = (s * 1e9 / self.unit_ns + self.at_1970 for s in _LOG_S)
+        return start <= min_number and max_number < end
 
     def to_unix_ns(self, numbers: pl.Series) -> pl.Series:
         """Convert numbers counted from this epoch to Int64 ns since 1970."""

@@ -240,20 +240,20 @@ class McapColumnWriter:
 
     def _write_summary(self, summary_groups: Sequence[Sequence[McapRecord]]) -> None:
         """Write the summary: definitions, statistics, indexes, and offsets of the groups."""
-        begins = self.file.tell()
+        starts = self.file.tell()
         data = b""
         offsets: list[SummaryOffset] = []
         for kind, records in zip(_GROUPS, summary_groups, strict=True):
             made = b"".join(map(_serialise_mcap_record, records))
             offsets.append(
                 SummaryOffset(
-                    group_opcode=kind, group_start=begins + len(data), group_length=len(made)
+                    group_opcode=kind, group_start=starts + len(data), group_length=len(made)
                 )
             )
             data += made
-        offsets_at = begins + len(data)
+        offsets_at = starts + len(data)
         data += b"".join(map(_serialise_mcap_record, offsets))
-        footer = Footer(summary_start=begins, summary_offset_start=offsets_at, summary_crc=0)
+        footer = Footer(summary_start=starts, summary_offset_start=offsets_at, summary_crc=0)
         # covers all but the CRC itself, which ends the footer
         footer.summary_crc = zlib.crc32(_serialise_mcap_record(footer)[:-4], zlib.crc32(data))
         self.file.write(data + _serialise_mcap_record(footer) + _MAGIC)

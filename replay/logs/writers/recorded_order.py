@@ -54,8 +54,8 @@ def iter_records_in_time_order(topics: Sequence[RecordedTopic]) -> Iterator[Reco
     order = np.argsort(times, kind="stable")
     times, kinds = times[order], kinds[order]
     done = [0] * len(topics)
-    for begin in range(0, times.size, BLOCK_ROWS):
-        here = slice(begin, begin + BLOCK_ROWS)
+    for start in range(0, times.size, BLOCK_ROWS):
+        here = slice(start, start + BLOCK_ROWS)
         yield make_next_record_block(topics, times[here], kinds[here], done)
 
 
@@ -76,9 +76,9 @@ def make_next_record_block(
             made.append((same.rows, chosen))
     ends = np.cumsum(lengths)
     data = np.empty(int(ends[-1]), np.uint8)
-    begins = ends - lengths
+    starts = ends - lengths
     for rows, chosen in made:
-        _scatter_rows(rows.reshape(-1), rows.shape[1], begins[chosen], data)
+        _scatter_rows(rows.reshape(-1), rows.shape[1], starts[chosen], data)
     numbers = np.array([topic.connection for topic in topics], np.int64)
     return RecordBlock(data, numbers[topic_ids], times, ends)
 

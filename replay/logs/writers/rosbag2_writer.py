@@ -135,11 +135,11 @@ def _iter_messages_of_topics(
 ) -> Iterator[tuple[int, int, memoryview]]:
     for block in iter_records_in_time_order(topics):
         data = memoryview(block.data.data)
-        begins = np.concatenate([[0], block.ends[:-1]]).tolist()
-        parts = zip(begins, block.ends.tolist(), strict=True)
+        starts = np.concatenate([[0], block.ends[:-1]]).tolist()
+        parts = zip(starts, block.ends.tolist(), strict=True)
         numbers, times = block.connections.tolist(), block.log_times.tolist()
-        for number, time_ns, (begin, end) in zip(numbers, times, parts, strict=True):
-            yield number, time_ns, data[begin:end]
+        for number, time_ns, (start, end) in zip(numbers, times, parts, strict=True):
+            yield number, time_ns, data[start:end]
 
 
 class _ColumnWriter(Writer):

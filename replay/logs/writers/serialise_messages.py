@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 
 from estimators.arrays import Bytes, Ints
-from replay.logs.decoding.wire import Wire
+from replay.logs.decoding.wire import WireEncoding
 from replay.logs.writers.message_columns import (
     Column,
     RaggedColumn,
@@ -45,7 +45,7 @@ def serialise_messages(
     msgtype: str,
     column: Mapping[str, Column],
     message_count: int,
-    wire: Wire,
+    wire: WireEncoding,
     envelope: Envelope = lambda _: (),
 ) -> list[SameLayout]:
     """Serialise messages of one type.
@@ -90,7 +90,7 @@ def serialise_messages_of_one_layout(
     msgtype: str,
     column: Column,
     message_indices: _Chosen,
-    wire: Wire,
+    wire: WireEncoding,
     envelope: Envelope,
 ) -> Bytes:
     """Serialise the chosen messages, which share one layout, to bytes (k, size)."""
@@ -139,7 +139,7 @@ class _Layout:
     """Offsets and contents of the fields of messages of equal lengths."""
 
     store: "Typestore"
-    wire: Wire
+    wire: WireEncoding
     head: bytes = b""
     size: int = 0
     #: constant bytes, and columns of varying values, each with its offset

@@ -51,7 +51,7 @@ def errors(made, drive, score, window_s, force_noise_N=None):
         sensors = made.sensors.model_copy(update={"force_noise_N": force_noise_N})
         made = made.model_copy(update={"sensors": sensors})
     filters, noise = Filters(10, made.sensors.rate_hz), compute_sensor_noise_stds(made)
-    samples = round(window_s * filters.rate_hz) + filters.filter_margin_samples
+    samples = round(window_s * filters.rate_hz) + filters.margin_samples_of_filters
     longer = score.manoeuvre.model_copy(update={"duration_s": score.start_s + window_s + 1.0})
     motion = solve_motion(copy_scenario_with_manoeuvres(made, longer), 0.0)
     truth = MeasuredSignals.from_motion(

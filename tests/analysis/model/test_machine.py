@@ -125,11 +125,11 @@ def test_a_time_zone_must_exist():
         ),
         (
             {"derive": "d/dt speed_x_m_s", "topic": "/can"},
-            "a derived channel takes no 'topic' and no 'unit'",
+            "a derived channel takes no 'topic' and no 'unit'; remove it",
         ),
         (
             {"derive": "d/dt speed_x_m_s", "unit": "m/s"},
-            "a derived channel takes no 'topic' and no 'unit'",
+            "a derived channel takes no 'topic' and no 'unit'; remove it",
         ),
         (
             {"derive": "d/dt speed_x_m_s", "delay_s": 0.1},
@@ -137,11 +137,11 @@ def test_a_time_zone_must_exist():
         ),
         (
             {"derive": "pitch(q)", "topic": "/imu"},
-            "channels.acc_x_m_s2: 'pitch(q)' computes pitch_rad",
+            "channels.acc_x_m_s2: 'pitch(q)' computes pitch_rad; rename the channel to that",
         ),
         (
             {"derive": "pitch(q)", "topic": "/imu", "scale": 2.0},
-            "an angle of a quaternion takes no 'unit', 'scale' or 'offset'",
+            "an angle of a quaternion takes no 'unit', 'scale' or 'offset'; remove it",
         ),
         ({"field": "x", "delay_s": float("inf")}, "Input should be a finite number"),
         ({"field": "x", "scale": float("nan")}, "Input should be a finite number"),
@@ -183,12 +183,12 @@ def test_derivations_are_read_with_any_spacing():
                 "position_x_m": {"derive": "d/dt speed_x_m_s"},
             },
             "these channels cannot be computed, since some are derived from each other in a "
-            "circle: speed_x_m_s, position_x_m",
+            "circle: speed_x_m_s, position_x_m; give one of them a field",
         ),
         (
             FORCE | IMU | {"speed_x_m_s": {"derive": "d/dt speed_x_m_s"}},
             "these channels cannot be computed, since some are derived from each other in a "
-            "circle: speed_x_m_s",
+            "circle: speed_x_m_s; give one of them a field",
         ),
         (
             SPEED | IMU,

@@ -16,15 +16,15 @@ REPO = Path(__file__).resolve().parents[3]
 _DRIVE = """
 import gc
 from analysis.online import on_board
-from analysis.online.rehearsal import rehearse
-from estimators.interpreted import CompiledLoop, force_compilation
+from analysis.online.rehearsal import compile_loops_by_synthetic_start
+from estimators.interpreted import CompiledLoop, compile_even_short_loops
 from tests.analysis import plane_drives as plane
 from tests.analysis.settings_by_name import settings_of
 
 settings = settings_of(methods={methods})
 rows = list(plane.excitation(plane.sensors(plane.braked(plane.start()))).iter_rows(named=True))
 if {rehearsed}:
-    rehearse(settings)
+    compile_loops_by_synthetic_start(settings)
 
 def loaded():
     loops = (each for each in gc.get_objects() if isinstance(each, CompiledLoop))
@@ -35,7 +35,7 @@ def loaded():
     }}
 
 before = loaded()
-with force_compilation():
+with compile_even_short_loops():
     state = on_board.start(settings)
     for row in rows:
         step = on_board.step(state, row)

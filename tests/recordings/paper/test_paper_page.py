@@ -52,7 +52,7 @@ def test_a_table_has_the_papers_number_beside_ours_and_a_dash_for_what_there_is_
 
 def test_the_page_holds_every_sentence_table_and_picture(tmp_path: Path) -> None:
     files = write_reproduction(
-        [_table_3(), _fig_2()], tmp_path, "md", "By two campaigns.", force=False
+        [_table_3(), _fig_2()], tmp_path, "md", "By two campaigns.", overwrites=False
     )
     assert files == [tmp_path / "reproduction.md", tmp_path / "fig2.png"]
     lines = files[0].read_text(encoding="utf-8").splitlines()
@@ -65,7 +65,7 @@ def test_the_page_holds_every_sentence_table_and_picture(tmp_path: Path) -> None
 
 
 def test_csv_has_a_file_an_item_and_the_sentences(tmp_path: Path) -> None:
-    files = write_reproduction([_table_3()], tmp_path, "csv", "By two campaigns.", force=False)
+    files = write_reproduction([_table_3()], tmp_path, "csv", "By two campaigns.", overwrites=False)
     assert [path.name for path in files] == ["table3.csv", "findings.csv"]
     assert pl.read_csv(files[0]).height == 4
     assert pl.read_csv(files[1])["sentence"].to_list() == [
@@ -81,11 +81,11 @@ def test_what_is_there_is_refused_before_the_work_and_replaced_only_when_forced(
     (tmp_path / "fig2.png").write_bytes(b"mine")
     with pytest.raises(OutputError, match=r"fig2\.png: exists already"):
         require_writable_reproduction_folder(
-            [ITEM["table3"], ITEM["fig2"]], tmp_path, "md", force=False
+            [ITEM["table3"], ITEM["fig2"]], tmp_path, "md", overwrites=False
         )
-    require_writable_reproduction_folder([ITEM["table3"]], tmp_path, "md", force=False)
+    require_writable_reproduction_folder([ITEM["table3"]], tmp_path, "md", overwrites=False)
     with pytest.raises(OutputError, match="exists already"):
-        write_reproduction([_fig_2()], tmp_path, "md", "", force=False)
+        write_reproduction([_fig_2()], tmp_path, "md", "", overwrites=False)
     assert [path.name for path in tmp_path.iterdir()] == ["fig2.png"]
-    write_reproduction([_fig_2()], tmp_path, "md", "", force=True)
+    write_reproduction([_fig_2()], tmp_path, "md", "", overwrites=True)
     assert (tmp_path / "fig2.png").read_bytes() != b"mine"

@@ -71,7 +71,7 @@ def test_an_existing_picture_is_replaced_only_when_forced(drives, tmp_path: Path
     with pytest.raises(OutputError, match=r"exists already.*--force"):
         plot_run(drives(60.0), path, figure_name="loads")
     assert path.read_bytes() == b"old"
-    plot_run(drives(60.0), path, force=True, figure_name="loads")
+    plot_run(drives(60.0), path, overwrites=True, figure_name="loads")
     assert path.read_bytes() != b"old"
 
 

@@ -30,7 +30,7 @@ def test_a_folder_stays_where_its_successor_does_not_get_its_place(
     monkeypatch.setattr(Path, "replace", fail_between_both)
     with (
         pytest.raises((fault, OutputError)),
-        stage_output_files([target], force=True) as stage,
+        stage_output_files([target], overwrites=True) as stage,
     ):
         evidence(stage / target.name, "new")
     assert (target / "evidence.json").read_text() == "old"
@@ -42,6 +42,6 @@ def test_a_file_within_is_named_by_the_path_that_the_user_gave(tmp_path: Path) -
     within = target / "calibration.rrd"
     with (
         pytest.raises(OutputError, match=f"^{within}: cannot be written"),
-        stage_output_files([target], force=False) as stage,
+        stage_output_files([target], overwrites=False) as stage,
     ):
         raise OutputError(f"{stage / target.name / within.name}: cannot be written (full)")

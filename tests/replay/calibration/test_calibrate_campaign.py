@@ -49,7 +49,7 @@ def keys(folder: Path) -> tuple[Path, Path]:
 @pytest.fixture(scope="module")
 def made(folder: Path, keys: tuple[Path, Path]) -> CalibrationOutcome:
     return calibrate_from_campaign(
-        folder / "campaign.toml", folder / "evidence", key_file=keys[0], recordings=True
+        folder / "campaign.toml", folder / "evidence", key_file=keys[0], keeps_recordings=True
     )
 
 

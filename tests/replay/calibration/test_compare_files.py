@@ -56,7 +56,7 @@ def printed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Unsigned evidence with the recordings of its runs; its logs lie in `logs` beside it."""
     folder = tmp_path_factory.mktemp("compared")
     campaign = campaign_folder(folder / "logs", extra=ALIKE, loads=(0, 1, 2))
-    calibrate_from_campaign(campaign, folder / "evidence", recordings=True)
+    calibrate_from_campaign(campaign, folder / "evidence", keeps_recordings=True)
     return folder / "evidence"
 
 
@@ -184,7 +184,7 @@ def test_evidence_with_former_names_of_checks_holds(
     log = tmp_path / "logs" / "load-3.csv"
     late = pl.read_csv(log).with_columns(pl.col("force_N").shift(25, fill_value=0.0))
     late.write_csv(log)
-    calibrate_from_campaign(campaign, tmp_path / "evidence", recordings=True)
+    calibrate_from_campaign(campaign, tmp_path / "evidence", keeps_recordings=True)
     (tmp_path / "evidence" / "statement.dsse.json").write_bytes(b"{}")
 
     def name_as_before(bundle: Bundle) -> None:

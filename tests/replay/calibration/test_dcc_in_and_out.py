@@ -314,7 +314,7 @@ def test_a_certificate_needs_what_the_campaign_does_not_state(
 def test_without_a_line_there_is_no_certificate(tmp_path: Path, made: CalibrationOutcome) -> None:
     without = made.document.model_copy(update={"calibration": None})
     dcc = DccOutput(tmp_path / "e.xml")
-    remark = write_and_verify_dcc(made.folder, without, dcc, None, force=False)
+    remark = write_and_verify_dcc(made.folder, without, dcc, None, overwrites=False)
     assert "no calibration line to certify" in remark
     assert not dcc.file.exists()
 

@@ -238,7 +238,7 @@ def test_the_shortest_of_what_both_have_is_compared_when_rows_are_lost(
     run = read_recording(recorded("a.rrd"))
     fewer = {name: frame for name, frame in run.frames.items() if name != "planar"}
     fewer["gate"] = fewer["gate"][:-10].with_columns(pl.col("mi_x_nat") + 0.0)
-    path = write_recording(replace(run, frames=fewer), kept / "fewer.rrd", force=True)
+    path = write_recording(replace(run, frames=fewer), kept / "fewer.rrd", overwrites=True)
     said = payscope("compare", recorded("a.rrd"), path)
     assert said.status == 1
     assert "stages in A alone: planar" in said.out

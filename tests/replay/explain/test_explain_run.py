@@ -187,7 +187,7 @@ def test_a_proposal_that_leaves_the_log_unable_to_weigh_is_taken_back(
         read_recording(out),
         {"cause": "too_little_excitation", "setting": "settings.gate.threshold_nat", "value": "50"},
     )
-    write_recording(doubted, out, force=True)
+    write_recording(doubted, out, overwrites=True)
     said = payscope("explain", out, "-m", machine_file, "--apply", "-o", target)
     assert said.status == 1, said
     assert "not settings.gate.threshold_nat (too little excitation): the log could" in said.out
@@ -205,7 +205,7 @@ def test_what_a_cause_explains_that_stays_is_not_mended(
         {"cause": "quantised"},
         {"cause": "delay", "setting": "channels.force_x_N.delay_s", "value": "0.05"},
     )
-    write_recording(doubted, out, force=True)
+    write_recording(doubted, out, overwrites=True)
     said = payscope("explain", out, "-m", machine_file, "--apply", "-o", target)
     assert said.status == 1, said
     why = "delay_s (delay): quantised explains this finding and is still present"

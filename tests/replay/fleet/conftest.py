@@ -35,11 +35,15 @@ def run_in(fleet_folder: Path) -> Run:
         fleet: Path = fleet_folder / "fleet.toml",
         *overrides: str,
         engine: Callable[[], TaskEngine] = SerialEngine,
-        recordings: bool = False,
+        keeps_recordings: bool = False,
     ) -> FleetRun:
         logs = list_logs_of_sources([str(source)])
         return replay_logs_of_fleet(
-            logs, load_fleet(fleet, overrides), str(destination), engine, recordings=recordings
+            logs,
+            load_fleet(fleet, overrides),
+            str(destination),
+            engine,
+            keeps_recordings=keeps_recordings,
         )
 
     return call

@@ -202,7 +202,7 @@ def test_recordings_are_kept_on_request_also_of_results_that_are_there(
     results: Path, run_in: Run, fleet_folder: Path
 ) -> None:
     log = fleet_folder / "logs/unit-02/log_00001.mcap"
-    run_in(results, log, recordings=True)
+    run_in(results, log, keeps_recordings=True)
     (recording,) = (results / "recordings").rglob("*.rrd")
     from recordings import read_recording
 
@@ -215,7 +215,7 @@ def test_recordings_are_kept_on_request_also_of_results_that_are_there(
     made = read_recording(recording)
     assert made.provenance.fingerprint is not None
     assert made.provenance.fingerprint.results == row["results_fingerprint"]
-    assert run_in(results, log, engine=Refusing, recordings=True).up_to_date == 1
+    assert run_in(results, log, engine=Refusing, keeps_recordings=True).up_to_date == 1
 
 
 def test_what_is_gathered_is_made_anew_where_it_is_missing_or_old(results: Path) -> None:

@@ -137,7 +137,7 @@ def test_the_topic_of_a_follower_that_was_killed_has_every_report(tmp_path: Path
         *("manoeuvre", 10**18, 1.0, "cruising", "accepted", 0.9, "valid"),
         *(3600.0, 5.0, 900.0, 3.0, 0.2, 1),
     )
-    file = ReportFile(tmp_path / "mass.mcap", [], "a log", force=False)
+    file = ReportFile(tmp_path / "mass.mcap", [], "a log", overwrites=False)
     file.append_new_reports([report, report])
     (tmp_path / "killed.mcap").write_bytes((tmp_path / "mass.mcap").read_bytes())
     file.close_with_index()

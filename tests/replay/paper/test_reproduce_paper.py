@@ -185,7 +185,7 @@ def test_files_are_written_all_or_none(
     found: dict[str, ItemResult], tmp_path: Path, output_format: str
 ) -> None:
     files = write_reproduction(
-        list(found.values()), tmp_path, output_format, "about it", force=False
+        list(found.values()), tmp_path, output_format, "about it", overwrites=False
     )
     assert sorted(files) == sorted(tmp_path.iterdir())
     for name in found:

@@ -53,7 +53,7 @@ def test_an_empty_file_is_the_papers_campaign(tmp_path):
         ),
         ("[campaign]\nruns = 'nine'", "campaign.runs: input should be a valid integer"),
         ("[campaign]\nloads_kg = [0, 'x']", "campaign.loads_kg.1: input should be a valid number"),
-        ("[campaign]\nloads_kg = [5, 5]", "campaign.loads_kg: a load appears twice"),
+        ("[campaign]\nloads_kg = [5, 5]", "campaign.loads_kg: 5 kg appears twice"),
         ("machine = 3", "machine: input should be a table, not 3"),
         (
             "[terrain]\nslope_deg = 15",

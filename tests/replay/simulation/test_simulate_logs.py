@@ -189,7 +189,7 @@ def test_nothing_is_overwritten_without_force_and_everything_with_it(tmp_path, s
         simulate_scenario_to_logs(ONE, output)
     assert before == {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
     other = ONE.model_copy(update={"sensors": ONE.sensors.model_copy(update={"seed": 7})})
-    simulate_scenario_to_logs(other, output, force=True)
+    simulate_scenario_to_logs(other, output, overwrites=True)
     after = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
     assert after.keys() == before.keys()
     assert after != before
@@ -207,13 +207,13 @@ def test_force_does_not_replace_a_folder_that_is_no_log(tmp_path):
     home.mkdir()
     (home / "letter.txt").touch()
     with pytest.raises(OutputError, match="is a folder, but not a rosbag2 directory"):
-        simulate_scenario_to_logs(ONE, home, force=True)
+        simulate_scenario_to_logs(ONE, home, overwrites=True)
     assert (home / "letter.txt").exists()
 
 
 def test_a_folder_log_replaces_a_file_of_its_name_with_force(tmp_path):
     (tmp_path / "campaign").touch()
-    path = simulate_scenario_to_logs(ONE, tmp_path / "campaign", force=True)[0]
+    path = simulate_scenario_to_logs(ONE, tmp_path / "campaign", overwrites=True)[0]
     assert (path / "metadata.yaml").is_file()
 
 

@@ -21,10 +21,10 @@ COMMAND = Path(sys.executable).with_name("payscope")
 #: A loop that calls others, and one that only the reader of logs has.
 TWO_LOOPS = """
 import numpy as np
-from estimators.interpreted import force_compilation
+from estimators.interpreted import compile_even_short_loops
 from estimators.numerics.small_systems import compute_condition_numbers
 from replay.logs.blocks.block_groups import find_indices_of_values
-with force_compilation():
+with compile_even_short_loops():
     keys = find_indices_of_values(np.arange(3), np.arange(2))
     print(compute_condition_numbers(np.ones((1, 2)), 1, 1).tolist(), keys)
 """

@@ -6,7 +6,7 @@ from scipy.stats import chi2, norm
 from scipy.stats import t as student_t
 
 from analysis.calibration.line.line_inversion import LineInversion, compute_two_sided_student_factor
-from analysis.calibration.line.line_model import Points, fit_line_and_variances
+from analysis.calibration.line.line_model import RunMeans, fit_line_and_variances
 from analysis.calibration.line.variance_components import WithinRunVariance
 
 X = np.array([0.0, 50.0, 100.0, 150.0, 200.0, 250.0])
@@ -17,7 +17,7 @@ def inverse(y, x=X):
     """Of single readings with exact references: plain regression."""
     count = y.size
     ones = np.ones(count, np.int64)
-    points = Points(
+    points = RunMeans(
         y, ones, np.arange(count), 0 * ones, x, np.zeros((count, count)), WithinRunVariance(0, 0)
     )
     return LineInversion.from_line(fit_line_and_variances(points))
@@ -83,7 +83,7 @@ def test_student_s_factor_is_the_normal_one_where_all_is_known():
 def test_the_chi_square_of_the_readings_is_the_freedom_of_their_repeatability():
     dice = np.random.default_rng(5)
     squares = 400.0 * chi2.rvs(54, random_state=dice)
-    points = Points(
+    points = RunMeans(
         X + dice.normal(0.0, 6.0, 6), np.full(6, 10), np.arange(6), np.zeros(6, np.int64), X,
         np.zeros((6, 6)), WithinRunVariance(squares, 54),
     )  # fmt: skip

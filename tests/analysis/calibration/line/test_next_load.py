@@ -45,7 +45,7 @@ def test_a_run_of_another_day_is_worth_more_than_one_of_the_same():
     calibration = fitted(readings(days=3, deviations=(10.0, 3.0, 20.0)))
     new, same = (
         rank_loads_for_next_run(calibration)[0],
-        rank_loads_for_next_run(calibration, same_day=True)[0],
+        rank_loads_for_next_run(calibration, is_on_last_campaign_day=True)[0],
     )
     assert new.half_width_kg < same.half_width_kg
 
@@ -59,7 +59,9 @@ def test_a_run_is_worth_what_it_then_is_on_the_average():
         short = rows.filter(pl.col("run_id") != "0/5/1")
         before = fitted(short, day_known_kg=0.1)
         (at_5,) = (
-            x for x in rank_loads_for_next_run(before, same_day=True) if x.load_id == "load 5"
+            x
+            for x in rank_loads_for_next_run(before, is_on_last_campaign_day=True)
+            if x.load_id == "load 5"
         )
         after = fitted(rows, day_known_kg=0.1)
         promised.append(at_5.determinant_1)

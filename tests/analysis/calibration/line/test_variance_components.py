@@ -7,7 +7,7 @@ from analysis.calibration.line.line_model import (
     DAY,
     REPEATABILITY,
     RUN,
-    Points,
+    RunMeans,
     fit_line_and_variances,
     make_mean_square_to_variance_matrix,
 )
@@ -29,7 +29,7 @@ def balanced(dice, days=4, runs=6, readings=5, deviations=(20.0, 8.0, 12.0)):
 
 def points_of(y):
     days, runs, readings = y.shape
-    return Points(
+    return RunMeans(
         y_kg=y.mean(2).ravel(),
         readings=np.full(days * runs, readings),
         load=np.tile(np.arange(runs), days),
@@ -86,7 +86,7 @@ def test_variances_are_those_that_were_drawn_on_the_average():
 def test_unbalanced_readings_settle():
     dice = np.random.default_rng(3)
     readings = np.array([1, 9, 2, 5, 3, 4, 7, 2])
-    points = Points(
+    points = RunMeans(
         y_kg=np.arange(8) * 50.0 + dice.normal(0.0, 20.0 / np.sqrt(readings)),
         readings=readings,
         load=np.arange(8),

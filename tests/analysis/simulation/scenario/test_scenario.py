@@ -21,7 +21,7 @@ def excite(**waves):
 @pytest.mark.parametrize(
     ("sections", "what"),
     [
-        ({"campaign": {"loads_kg": [0, 50, 50]}}, "a load appears twice"),
+        ({"campaign": {"loads_kg": [0, 50, 50]}}, "50 kg appears twice"),
         ({"campaign": {"loads_kg": [-50]}}, "between 0 and 1e6 kg"),
         ({"sensors": {"force_noise_N": float("nan")}}, "finite number"),
         (excite(), "needs 'force', 'torque' or both"),
