@@ -307,9 +307,8 @@ def _compute_instrumented_ratio(missing_term: MissingTerm, base: JointFit, rows:
     if not _is_function_of_force(missing_term.term) or not missing_term.value:
         return 1.0
     used = base.solution.group >= 0
-    group, residual, measured = (
-        each[used] for each in (base.solution.group, base.solution.residual, rows.f)
-    )
+    group = base.solution.group[used]
+    residual, measured = base.solution.residual[used], rows.f[used]
     level = np.zeros(group.size, np.int64)
     if base.states is not None and base.mass_count > 1:
         level = base.states.assign_random_intercepts_to_stretches(base.motion).membership[group]

@@ -241,7 +241,11 @@ def _recognise_fields(log: Log, topics: pl.DataFrame) -> Recognition:
     machine = choose_topics_of_one_machine(topics)
     found = recognise_joints_of_log(log, machine.topics)
     by_type = propose_channels_by_message_type(machine.topics)
-    found.channels += [e for e in by_type if e.column not in found.recognised_channels]
+    found.channels += [
+        each
+        for each in by_type
+        if each.column not in found.recognised_channels and not _is_yaw_rate_unfilled(log, each)
+    ]
     found = recognise_fields_of_messages(log, machine.topics, found)
     if machine.choices:
         names = ", ".join(f"'{_replace_unprintable(each)}'" for each in machine.choices)
@@ -254,6 +258,14 @@ def _recognise_fields(log: Log, topics: pl.DataFrame) -> Recognition:
             source = _replace_unprintable(each.source_text)
             found.add_question_of_subject("column", _SET_POINT.format(source, each.column))
     return found
+
+
+def _is_yaw_rate_unfilled(log: Log, proposal: ChannelProposal) -> bool:
+    """Whether a proposed yaw rate has one value all along: some drivers leave the field at 0."""
+    if proposal.column != "yaw_rate_rad_s" or proposal.topic is None:
+        return False
+    profiles = profile_fields(log, [proposal.topic])
+    return any(each.field == proposal.field and each.low == each.high for each in profiles)
 
 
 def _derive_missing_channels(channels: set[str]) -> dict[str, str]:

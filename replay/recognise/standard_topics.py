@@ -23,7 +23,10 @@ _BY_TYPE: Final[dict[str, dict[str, str]]] = {
         "pitch_rate_rad_s": "angular_velocity.y",
         "yaw_rate_rad_s": "angular_velocity.z",
     },
-    "Odometry": {"speed_x_m_s": "twist.twist.linear.x"},
+    "Odometry": {
+        "speed_x_m_s": "twist.twist.linear.x",
+        "yaw_rate_rad_s": "twist.twist.angular.z",
+    },
     "TwistStamped": {"speed_x_m_s": "twist.linear.x"},
     "Twist": {"speed_x_m_s": "linear.x"},
     "NavSatFix": {"latitude_deg": "latitude", "longitude_deg": "longitude"},
@@ -38,7 +41,7 @@ _SHORT: Final = {
     "acceleration_m_s2": "acc_x_m_s2",
 }
 #: Channels whose message may be wanted instead of measured.
-_MAY_BE_WANTED: Final = ("speed_x_m_s", "force_x_N", "torque_z_N_m")
+_MAY_BE_WANTED: Final = ("speed_x_m_s", "force_x_N", "torque_z_N_m", "yaw_rate_rad_s")
 #: Last parts of message types that hold a machine's force or speed.
 _DRIVES: Final = frozenset(("JointState", "Odometry", "TwistStamped", "Twist", "WrenchStamped"))
 #: The same, and of other sensors that a machine has one of.
@@ -65,11 +68,12 @@ def propose_channels_by_message_type(
     """Propose the channels that message types or a table's columns determine, each once.
 
     Args:
-        topics: `Log.topics`; those with most messages come first.
+        topics: `Log.topics`; an IMU comes first, then those with most messages.
         are_set_points: whether to propose the channels of set-points instead of readings.
     """
     first: dict[str, ChannelProposal] = {}
-    for row in topics.sort("messages", descending=True).to_dicts():
+    is_imu = pl.col("type").str.ends_with("/Imu")
+    for row in topics.sort(is_imu, "messages", descending=True, maintain_order=True).to_dicts():
         if row["problem"] or not row["messages"]:
             continue
         topic, fields = row["topic"], set(row["fields"])

@@ -23,12 +23,13 @@ KINDS = {
 }
 
 
-def message(kind: str, t: float) -> Any:
+def message(kind: str, t: float, *, turning: bool = False) -> Any:
     stamp = TYPES["builtin_interfaces/msg/Time"](sec=int(t), nanosec=round(t % 1 * 1e9))
     header = TYPES["std_msgs/msg/Header"](stamp=stamp, frame_id="")
     vector = TYPES["geometry_msgs/msg/Vector3"]
     turned = TYPES["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=1.0)
-    twist = TYPES[KINDS["Twist"]](vector(np.sin(t), 0.0, 0.0), vector(0.0, 0.0, 0.0))
+    turns_rad_s = np.sin(3.0 * t) if turning else 0.0
+    twist = TYPES[KINDS["Twist"]](vector(np.sin(t), 0.0, 0.0), vector(0.0, 0.0, turns_rad_s))
     if kind == "Twist":
         return twist
     if kind == "Imu":
@@ -37,9 +38,9 @@ def message(kind: str, t: float) -> Any:
             header, turned, np.zeros(9), still, np.zeros(9), force, np.zeros(9)
         )
     if kind == "JointState":
-        turning = np.full(2, np.sin(t))
+        wheels = np.full(2, np.sin(t))
         names = ["left_wheel", "right_wheel"]
-        return TYPES[KINDS[kind]](header, names, turning, turning, turning)
+        return TYPES[KINDS[kind]](header, names, wheels, wheels, wheels)
     place = TYPES["geometry_msgs/msg/Pose"](TYPES["geometry_msgs/msg/Point"](0.0, 0.0, 0.0), turned)
     return TYPES[KINDS[kind]](
         header,
@@ -50,7 +51,7 @@ def message(kind: str, t: float) -> Any:
 
 
 def drafted(
-    folder: Path, rows_by_topic: dict[tuple[str, str], int]
+    folder: Path, rows_by_topic: dict[tuple[str, str], int], *, turning: bool = False
 ) -> tuple[dict[str, str], list[str]]:
     """Topic of each channel, and the questions, of a log of (topic, kind) with so many messages."""
     path = folder / "log"
@@ -58,7 +59,7 @@ def drafted(
         for (topic, kind), rows in rows_by_topic.items():
             opened = writer.add_connection(topic, KINDS[kind], typestore=STORE)
             for t in np.linspace(1000, 1010, rows):
-                data = STORE.serialize_cdr(message(kind, t), KINDS[kind])
+                data = STORE.serialize_cdr(message(kind, t, turning=turning), KINDS[kind])
                 writer.write(opened, round(t * 1e9), data)
     with open_log(path) as log:
         text, questions = draft_machine_file(log, None)
@@ -115,6 +116,15 @@ def test_sides_and_sensors_of_one_machine_are_no_other_machines(tmp_path: Path) 
     assert [each for each in questions if "is meant" in each] == [
         "which of '/wheels/odom', '/camera/odom' is meant: the draft takes the first"
     ]
+
+
+@pytest.mark.parametrize("turning", [True, False])
+def test_the_yaw_rate_is_that_of_the_odometry_where_it_is_filled_in(
+    turning: bool, tmp_path: Path
+) -> None:
+    log = {("/odom", "Odometry"): 40, ("/joint_states", "JointState"): 90}
+    channels, _ = drafted(tmp_path, log, turning=turning)
+    assert channels.get("yaw_rate_rad_s") == ("/odom" if turning else None)
 
 
 @pytest.mark.parametrize(("across_m_s", "asks"), [(1.35, True), (0.05, False)])
