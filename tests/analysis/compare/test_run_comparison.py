@@ -93,12 +93,17 @@ def test_the_largest_change_has_its_sign_and_its_time():
     assert index.at_s == 2e-8
 
 
-@pytest.mark.parametrize(("rtol", "equal"), [(0.0, False), (1e-7, False), (1e-5, True)])
-def test_rtol_is_of_the_larger_of_both_and_forgives_no_null(rtol: float, equal: bool):
+@pytest.mark.parametrize(
+    ("relative_tolerance", "equal"), [(0.0, False), (1e-7, False), (1e-5, True)]
+)
+def test_rtol_is_of_the_larger_of_both_and_forgives_no_null(relative_tolerance: float, equal: bool):
     nudged = GATE.with_columns(pl.col("mi_x_nat") * (1 + 1e-6))
-    assert held(run(), changed("gate", nudged), rtol=rtol).is_equal == equal
+    assert (
+        held(run(), changed("gate", nudged), relative_tolerance=relative_tolerance).is_equal
+        == equal
+    )
     holed = GATE.with_columns(pl.Series("mi_x_nat", [None, None, 0.9, -0.0]))
-    assert not held(run(), changed("gate", holed), rtol=rtol).is_equal
+    assert not held(run(), changed("gate", holed), relative_tolerance=relative_tolerance).is_equal
 
 
 def test_rows_correspond_by_time_also_where_the_runs_begin_at_other_times():
