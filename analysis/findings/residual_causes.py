@@ -268,7 +268,8 @@ def _find_force_nonlinear_in_acceleration(inputs: FindingInputs) -> list[Symptom
             "the force is not linear in the acceleration: a term in a·|a| is "
             f"{abs(curvature.t):.1f} standard deviations from 0, and changes the mass by "
             f"{curvature.mass_change_kg:+,.0f} kg; the mass is not corrected, since the force may "
-            "be compressed near its limit or not be measured on all wheels",
+            "be compressed near its limit or not be measured on all wheels, or the machine may be "
+            "slowed by curves or by softer ground in some starts",
             channel=inputs.force_channel,
             change=lambda: MassChange(0.0, abs(curvature.mass_change_kg)),
         )

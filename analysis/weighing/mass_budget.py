@@ -168,7 +168,8 @@ _PARTS: Final = {
     "curvature": _FitPart(
         "common",
         "a force that is not linear in the acceleration",
-        "force measured on all wheels; a force sensor that measures all braking",
+        "force measured on all wheels; a force sensor that measures all braking; a yaw rate, or "
+        "straight starts on even ground",
     ),
 }
 
