@@ -77,6 +77,8 @@ def fit_with_searched_load_states(
             _refit_with_scatter_estimated_from_states(held, inputs, repeatability_kg, kind),
         ]
     likely = [settled, *(each for each in fits if is_single_load_excluded(each))]
+    if settled.mass_count == 1 and len(likely) == 1:
+        return settled
     best = min(
         likely,
         key=lambda each: alike.compute_akaike_criterion(
@@ -165,7 +167,8 @@ class _PartitionComparison:
         single = min(self.known, key=lambda each: self.known[each].single_load)
         several = min(self.known, key=lambda each: self.known[each].partition)
         advantage = self.known[single].single_load - self.known[several].partition
-        if advantage > LOAD_LIMITS.min_criterion_gain_of_loads * self.number.size:
+        # if no fit succeeded, the difference is not a number
+        if not advantage <= LOAD_LIMITS.min_criterion_gain_of_loads * self.number.size:
             return None
         state_of_manoeuvre = np.frombuffer(several, np.int64)
         loads_kg = self._fit_partition(state_of_manoeuvre).masses_kg[state_of_manoeuvre]

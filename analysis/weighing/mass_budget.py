@@ -290,7 +290,7 @@ def list_uncertainty_by_failed_checks_kg(
     # only the largest counts: one fault makes several of these terms significant
     missing_kg = [
         (
-            (each.term.source or "missing_term") if each.is_gain_of_force else "unmodelled_force",
+            (each.term.source or "missing_term") if each.is_confirmed else "unmodelled_force",
             abs(float(coefficients @ each.effect_kg)),
         )
         for each in weighing.missing_terms

@@ -96,7 +96,7 @@ class MissingTerm:
         t: estimate over its standard deviation.
         effect_kg: (masses,) change of each mass with the term.
         instrumented_ratio: estimate by the fitted force over that by the measured one; 1 for a term
-            that is not a gain of the force.
+            that is no function of the force.
     """
 
     term: Nuisance
@@ -106,8 +106,8 @@ class MissingTerm:
     instrumented_ratio: float = 1.0
 
     @property
-    def is_gain_of_force(self) -> bool:
-        """Whether the fitted force shows the term too, so that it is no force of another kind."""
+    def is_confirmed(self) -> bool:
+        """Whether the fitted force shows the term too, if it is a function of the force."""
         return self.instrumented_ratio > LIMITS.min_instrumented_ratio
 
     def is_significant(self, fit: JointFit) -> bool:
@@ -307,25 +307,31 @@ def _compute_instrumented_ratio(missing_term: MissingTerm, base: JointFit, rows:
     if not _is_function_of_force(missing_term.term) or not missing_term.value:
         return 1.0
     used = base.solution.group >= 0
-    group = base.solution.group[used]
     residual, measured = base.solution.residual[used], rows.f[used]
-    level = np.zeros(group.size, np.int64)
-    if base.states is not None and base.mass_count > 1:
-        level = base.states.assign_random_intercepts_to_stretches(base.motion).membership[group]
-    A = rows.select_terms((*base.terms, missing_term.term)).A[used]
-    shared = [A[:, 1]] + [
-        A[:, 2 + number]
-        for number, term in enumerate(base.terms)
-        if term.name in ("const", "direction")
-    ]
-    known = np.column_stack((A[:, :1] * (level[:, None] == np.arange(base.mass_count)), *shared))
-    known /= np.maximum(np.linalg.norm(known, axis=0), 1e-300)
-    ratio = np.divide(measured - residual, measured, np.zeros(group.size), where=measured != 0.0)
+    acceleration = rows.A[used, 0]
+    friction = [n for n, each in enumerate(rows.terms) if each.name in ("const", "direction")]
+    column = rows.A[used, 2 + rows.terms.index(missing_term.term)]
+    ratio = np.divide(measured - residual, measured, np.zeros_like(measured), where=measured != 0.0)
     power = 2 if missing_term.term.name == SATURATION else 1
-    ratio = ratio.clip(0.0, LIMITS.max_fitted_over_measured_force) ** power
+    instrument = column * ratio.clip(0.0, LIMITS.max_fitted_over_measured_force) ** power
+    level = np.zeros(measured.size, np.int64)
+    if base.states is not None and base.mass_count > 1:
+        intercepts = base.states.assign_random_intercepts_to_stretches(base.motion)
+        level = intercepts.membership[base.solution.group[used]]
+    square = np.bincount(level, acceleration**2)
+
+    def subtract_mass(x: Floats) -> Floats:
+        # level by level, since a shift has hundreds of loads (Frisch, Waugh and Lovell)
+        mass = np.bincount(level, acceleration * x) / np.where(square > 0.0, square, 1.0)
+        return x - acceleration * mass[level]
+
+    known = np.column_stack(
+        [subtract_mass(x) for x in rows.A[:, [1, *(2 + n for n in friction)]][used].T]
+    )
+    known /= np.maximum(np.linalg.norm(known, axis=0), 1e-300)
     instrument, column = (
-        each - known @ np.linalg.lstsq(known, each, rcond=None)[0]
-        for each in (A[:, -1] * ratio, A[:, -1])
+        x - known @ np.linalg.lstsq(known, x, rcond=None)[0]
+        for x in map(subtract_mass, (instrument, column))
     )
     determined = float(instrument @ column)
     if not determined:
