@@ -20,7 +20,7 @@ import typer
 from numpy.typing import NDArray
 
 from analysis.cycles.cycle_energy import PARTS, PHASES, WHOLE, EnergyRow, compute_shift_energy
-from analysis.cycles.cycles_without_mass import find_spans_of_missing_channels_ns
+from analysis.cycles.cycles_lost_in_gaps import find_spans_of_missing_channels_ns
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario

@@ -12,12 +12,14 @@ import polars as pl
 
 from analysis.cycles.boom_dumps import mark_standing_samples
 from analysis.cycles.cycle_limits import LIMITS
-from analysis.cycles.cycles_without_mass import (
+from analysis.cycles.cycles_lost_in_gaps import (
     estimate_cycles_lost_in_gaps,
-    estimate_uncounted_cycle_count,
-    estimate_unweighed_load_and_u_kg,
     find_spans_of_missing_channels_ns,
     mark_gaps_that_may_be_work_breaks,
+)
+from analysis.cycles.cycles_without_mass import (
+    estimate_uncounted_cycle_count,
+    estimate_unweighed_load_and_u_kg,
 )
 from analysis.cycles.empty_machine import BY_CALIBRATION, ShiftScale
 from analysis.model.physical_units import NS_PER_S

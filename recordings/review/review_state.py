@@ -15,7 +15,7 @@ from analysis.cycles.cycle_parts import (
     summarise_cycle_motion,
     summarise_shift_motion,
 )
-from analysis.cycles.cycles_without_mass import find_spans_of_missing_channels_ns
+from analysis.cycles.cycles_lost_in_gaps import find_spans_of_missing_channels_ns
 from analysis.cycles.friction_trend import FrictionPart, fit_viscous_friction_by_shift_part
 from analysis.model.check_names import replace_former_check_names, replace_former_names_in_evidence
 from analysis.model.physical_units import NS

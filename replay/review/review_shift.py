@@ -15,7 +15,7 @@ from analysis.calibration.use.apply_calibration import LATER_LOG_FRAMES
 from analysis.calibration.use.learnt_priors import describe_contradicted_learnt_priors
 from analysis.cycles.calibrated_payloads import calibrate_cycles
 from analysis.cycles.cycle_energy import ShiftEnergy, compute_shift_energy
-from analysis.cycles.cycles_without_mass import find_spans_of_missing_channels_ns
+from analysis.cycles.cycles_lost_in_gaps import find_spans_of_missing_channels_ns
 from analysis.cycles.empty_machine import find_machine_change_by_empty_mass
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.cycles.cycles import weigh_cycles
-from analysis.cycles.cycles_without_mass import (
+from analysis.cycles.cycles_lost_in_gaps import (
     estimate_cycles_lost_in_gaps,
     find_spans_of_missing_channels_ns,
     mark_gaps_that_may_be_work_breaks,
