@@ -15,8 +15,8 @@ import numpy as np
 import polars as pl
 
 from analysis.cycles.cycle_limits import LIMITS
-from analysis.cycles.cycle_parts import CycleParts, fill_in_dump_times, split_cycles_into_parts
-from analysis.cycles.cycles_without_mass import add_boom_cycles, do_digs_contradict_loaded_passes
+from analysis.cycles.cycle_parts import CycleParts
+from analysis.cycles.cycles_without_mass import do_digs_contradict_loaded_passes, find_cycle_parts
 from analysis.cycles.empty_machine import (
     BY_EMPTY_MACHINE,
     BY_MACHINE_FILE,
@@ -113,11 +113,8 @@ def weigh_cycles(
     found = passes or find_load_passes(*masses, digging, *motion, drift_1) or NO_PASSES
     twice = passes is None and do_digs_contradict_loaded_passes(found, digging)
     found = NO_PASSES if twice else found
-    parts = split_cycles_into_parts(found, digging)
-    fill_in_dump_times(parts, found, *motion)
-    contradicts = False
-    if passes is None:
-        parts, contradicts = add_boom_cycles(parts, found, digging, *motion)
+    excluded = weighing.growing_load_manoeuvres if weighing and passes is None else ()
+    parts, contradicts = find_cycle_parts(found, frames, excluded, adds_boom=passes is None)
     if not parts:
         return LogCycles(_make_cycle_frame([]), {}, ShiftScale())
     withheld = ", ".join(check.check for check in verdict.list_withholding_checks("mass"))

@@ -7,6 +7,7 @@ it; its uncertainty is common to all cycles that only the boom shows. Without di
 rhythm decides: two cycle times of work between two dumps hide one cycle.
 """
 
+from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple, Self
 
 import numpy as np
@@ -14,10 +15,11 @@ import polars as pl
 
 from analysis.cycles.boom_dumps import BoomDumps, Span, find_boom_dumps, mark_standing_samples
 from analysis.cycles.cycle_limits import LIMITS
-from analysis.cycles.cycle_parts import CycleParts
+from analysis.cycles.cycle_parts import CycleParts, fill_in_dump_times, split_cycles_into_parts
 from analysis.cycles.load_passes import LoadPasses
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.windows import find_flagged_runs
+from analysis.weighing.growing_load import LoadChangeInMotion
 from estimators.arrays import Ints
 
 
@@ -41,6 +43,34 @@ def do_digs_contradict_loaded_passes(passes: LoadPasses, digging: pl.DataFrame) 
         return False
     hauled = np.diff(np.searchsorted(passes.start_ns[passes.loaded], fills))
     return float(np.mean(hauled[one] > 1)) > LIMITS.hauled_twice_fraction
+
+
+def find_cycle_parts(
+    passes: LoadPasses,
+    frames: Mapping[str, pl.DataFrame],
+    excluded: Sequence[LoadChangeInMotion],
+    *,
+    adds_boom: bool,
+) -> tuple[list[CycleParts], bool]:
+    """Find the cycles of a log, also those that only digging, the boom or a lost start shows.
+
+    Args:
+        passes: the passes.
+        frames: `aligned`, `excitation`, `digging` and `manoeuvres` of a run.
+        excluded: manoeuvres excluded from the fit for their load.
+        adds_boom: whether dumps of the boom are cycles too.
+
+    Returns:
+        The cycles, and whether boom and masses contradict each other.
+    """
+    digging, motion = frames["digging"], (frames["aligned"], frames["excitation"])
+    parts, contradicts = split_cycles_into_parts(passes, digging), False
+    fill_in_dump_times(parts, passes, *motion)
+    if adds_boom:
+        parts, contradicts = add_boom_cycles(parts, passes, digging, *motion)
+    t_ns = motion[1]["t_ns"].to_numpy()
+    parts = add_hauls_without_usable_start(parts, passes, excluded, frames["manoeuvres"], t_ns)
+    return parts, contradicts
 
 
 def add_boom_cycles(
@@ -87,6 +117,62 @@ def add_boom_cycles(
         if not each.is_near_any_time(explained_ns, max(LIMITS.one_dump_ns, apart_ns))
     ]
     return sorted([*cycle_parts, *missed], key=_find_start_of_earliest_part_ns), False
+
+
+def add_hauls_without_usable_start(
+    cycle_parts: list[CycleParts],
+    passes: LoadPasses,
+    load_changes: Sequence[LoadChangeInMotion],
+    manoeuvres: pl.DataFrame,
+    t_ns: Ints,
+) -> list[CycleParts]:
+    """Add the hauls whose manoeuvres are all excluded from the fit; of digging, fill in the haul.
+
+    Such a manoeuvre is nearer to the loaded passes by its own mass, lies within an empty one, and
+    is a usual cycle away from the other hauls, as its own mass is as doubtful as its load.
+
+    Args:
+        cycle_parts: cycles by the masses, with their dumps.
+        passes: the passes; if their boom shows the dumps, it decides, and nothing is added.
+        load_changes: manoeuvres excluded since their load changes, or since no load explains them.
+        manoeuvres: frame with the times of the fitted manoeuvres.
+        t_ns: (samples,) times of the samples.
+    """
+    if passes.dumps.shows_dumps or passes.loaded.all() or not passes.loaded.any():
+        return cycle_parts
+    hauls_ns = passes.start_ns[passes.loaded]
+    if hauls_ns.size < LIMITS.period_min_dumps:
+        return cycle_parts
+    apart_ns = (1.0 - LIMITS.rhythm_tolerance) * float(np.median(np.diff(hauls_ns)))
+    min_kg = sum(float(passes.mass_kg[of].mean()) for of in (passes.loaded, ~passes.loaded)) / 2.0
+    start_ns = manoeuvres["start_t_ns"].to_numpy()
+    hauls = dict[int, Span]()
+    for each in load_changes:
+        first_ns, last_ns = int(t_ns[each.first]), int(t_ns[each.last])
+        number = int(np.searchsorted(passes.start_ns, first_ns)) - 1
+        is_within_empty_pass = (
+            number >= 0 and not passes.loaded[number] and last_ns < passes.end_ns[number]
+        )
+        is_apart = bool((np.abs(hauls_ns - first_ns) > apart_ns).all())
+        if is_within_empty_pass and is_apart and each.mean_mass_kg > min_kg:
+            after = int(np.searchsorted(start_ns, first_ns))
+            hauls[after] = (hauls.get(after, (first_ns, 0))[0], last_ns)
+    found = [*cycle_parts]
+    for after, (first_ns, last_ns) in hauls.items():
+        since_ns = int(start_ns[after - 1])
+        part = next(
+            (
+                each
+                for each in found
+                if each.dig_ns and each.haul_ns is None and since_ns < each.dig_ns[0] < first_ns
+            ),
+            CycleParts(),
+        )
+        part.haul_ns, part.dump_ns = (first_ns, last_ns), (last_ns, int(start_ns[after]))
+        part.bucket_emptied_ns = sum(part.dump_ns) // 2
+        if part not in found:
+            found.append(part)
+    return sorted(found, key=_find_start_of_earliest_part_ns)
 
 
 def _find_start_of_earliest_part_ns(cycle: CycleParts) -> int:

@@ -51,6 +51,8 @@ class LoadChangeInMotion:
     Attributes:
         manoeuvre_id: number of the manoeuvre in the samples.
         first: its first fitted sample.
+        last: its last fitted sample.
+        mean_mass_kg: mass in the middle of the manoeuvre, with its own friction and constant.
         load_change_kg: change of the load from the first to the last fitted sample, in excess of
             that common to all manoeuvres.
         std_kg: standard deviation of the change.
@@ -60,6 +62,8 @@ class LoadChangeInMotion:
 
     manoeuvre_id: int
     first: int
+    last: int
+    mean_mass_kg: float
     load_change_kg: float
     std_kg: float
     is_possible: bool = True
@@ -221,17 +225,16 @@ def find_manoeuvres_with_growing_load(
         return ()  # the fit determines nothing
     slopes = np.array(
         [
-            fit_mass_growth_to_residual_with_information(rows.A[part], left[part], tied)
+            fit_mass_offset_and_growth_to_residual(rows.A[part], left[part], tied)
             for part in compress(parts, told)
         ]
     )
-    number, slopes = numbers[told][slopes[:, 1] > 0.0], slopes[slopes[:, 1] > 0.0]
+    number, slopes = numbers[told][slopes[:, 2] > 0.0], slopes[slopes[:, 2] > 0.0]
     if number.size < LIMITS.growth_min_manoeuvres:
         return ()
-    kg, square = slopes.T
-    kg = kg - estimate_load_growth_common_to_mass_kg(
-        fit.masses_kg[look_up_load_states(fit.states, number)], kg
-    )
+    offset_kg, kg, square = slopes.T
+    state_mass_kg = fit.masses_kg[look_up_load_states(fit.states, number)]
+    kg = kg - estimate_load_growth_common_to_mass_kg(state_mass_kg, kg)
     apart = STD_OF_MAD * float(np.median(np.abs(kg)))
     std_kg = np.sqrt(variance / square + apart**2)
     limit = -float(
@@ -244,7 +247,8 @@ def find_manoeuvres_with_growing_load(
     return tuple(
         LoadChangeInMotion(
             int(number[k]),
-            int(used[np.argmax(of_sample == number[k])]),
+            *(int(each) for each in used[of_sample == number[k]][[0, -1]]),
+            float(state_mass_kg[k] + offset_kg[k]),
             float(kg[k]),
             float(std_kg[k]),
             bool(
@@ -364,14 +368,14 @@ def compute_residual_force_newtons(
     )
 
 
-def fit_mass_growth_to_residual_with_information(
+def fit_mass_offset_and_growth_to_residual(
     A: Floats, residual: Floats, std_ratios: Floats
-) -> tuple[float, float]:
-    """Regress a residual on a mass that grows linearly; return the slope and its information.
+) -> tuple[float, float, float]:
+    """Regress a residual on a mass that grows linearly: its offset, growth and information.
 
-    The manoeuvre's deviations in mass, friction and constant are projected out as far as their
-    priors allow: `std_ratios` (3,) is a row's standard deviation over that of each. Both results
-    are 0 if the manoeuvre hardly accelerates.
+        The manoeuvre's deviations in mass, friction and constant are projected out as far as their
+    priors allow: `std_ratios` (3,) is a row's standard deviation over that of each. The offset is
+    that of the mass in the middle of the manoeuvre. All are 0 if the manoeuvre hardly accelerates.
     """
     own = np.vstack([A[:, :_OWN], np.diag(std_ratios)])
     whole = A[:, 0] * np.linspace(-0.5, 0.5, residual.size)
@@ -379,8 +383,10 @@ def fit_mass_growth_to_residual_with_information(
     grows = whole - A[:, :_OWN] @ own_part
     square = float(grows @ whole)
     if not square > LIMITS.column_rounding_fraction * float(whole @ whole):
-        return 0.0, 0.0
-    return float(grows @ residual) / square, square
+        return 0.0, 0.0, 0.0
+    growth_kg = float(grows @ residual) / square
+    rest = np.append(residual - growth_kg * whole, np.zeros(_OWN))
+    return float(np.linalg.lstsq(own, rest)[0][0]), growth_kg, square
 
 
 def _compute_row_noise_variance_newtons2(fit: JointFit, noise: ColumnNoiseModel) -> float:

@@ -4,7 +4,12 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.cycles.cycles_without_mass import estimate_unweighed_load_and_u_kg
+from analysis.cycles.cycles_without_mass import (
+    estimate_unweighed_load_and_u_kg,
+    find_cycle_parts,
+)
+from analysis.cycles.load_passes import find_load_passes
+from analysis.weighing.growing_load import LoadChangeInMotion
 from recordings.report.shift_text import describe_shift_payload
 from recordings.review.shift_facts import describe_missing_loads
 from tests.analysis.cycles.drawn import NS, drawn_shift
@@ -227,3 +232,40 @@ def test_a_machine_that_idles_between_two_dumps_is_not_out_of_rhythm() -> None:
         "manoeuvres": frames["manoeuvres"].with_columns(later),
     }
     assert summed(frames | idle)["uncounted_cycles"] == summed(frames)["uncounted_cycles"]
+
+
+@pytest.mark.parametrize(
+    ("mass_kg", "at_s", "cycles"),
+    [
+        (4300.0, (50.0, 65.0), len(LOADS)),  # its own mass is that of a load
+        (3600.0, (50.0, 65.0), len(LOADS) - 1),  # it is that of the empty machine
+        (4300.0, (5.0,), len(LOADS) - 1),  # an empty drive, too soon after the load before
+    ],
+)
+@pytest.mark.parametrize("digs", [True, False])
+def test_a_haul_that_is_excluded_from_the_fit_is_a_cycle_without_a_mass(
+    digs: bool, mass_kg: float, at_s: tuple[float, ...], cycles: int
+) -> None:
+    frames = drawn_shift(LOADS, digs=False, unseen=(3,))
+    frames["digging"] = drawn_shift(LOADS, digs=digs, unseen=(3,))["digging"]
+    t_ns = frames["excitation"]["t_ns"].to_numpy()
+    excluded = [
+        LoadChangeInMotion(
+            0,
+            *(int(np.searchsorted(t_ns, s * NS)) for s in (300.0 + at, 308.0 + at)),
+            mass_kg,
+            -2000.0,
+            300.0,
+            is_possible=False,
+        )
+        for at in at_s
+    ]
+    passes = find_load_passes(frames["loads"], frames["manoeuvres"], frames["digging"])
+    assert passes is not None
+    parts, _ = find_cycle_parts(passes, frames, excluded, adds_boom=True)
+    hauls = [part for part in parts if part.haul_ns]
+    assert len(parts) == max(cycles, digs * len(LOADS))
+    assert len(hauls) == cycles
+    assert [part.missing_mass_reason for part in hauls if part.loaded_pass is None] == [
+        "no usable start with this load"
+    ] * (cycles - len(LOADS) + 1)
