@@ -24,8 +24,10 @@ _OF_EQUATION: Final = (
     *("delay", "wheel_radius", "slip", "coulomb", "too_little_excitation", "collinear"),
     *("load_changed_inside", "external_force", "braking_inside", "imu_low_passed"),
 )
-#: those that any misfit leaves in its residuals, and both. A resonance is not among them.
+#: those that any misfit leaves in its residuals, where a resonance is none of them,
 _OF_RESIDUALS: Final = ("coloured_residuals", "heteroscedastic", "driveline", "gain_by_speed")
+#: and those of a log with few starts.
+_OF_FEW_STARTS: Final = ("too_little_excitation", "collinear")
 _OF_FIT: Final = (*_OF_EQUATION, *_OF_RESIDUALS, "resonance")
 _STILL: Final = "a standstill of three seconds"
 _START: Final = "an informative manoeuvre"
@@ -92,14 +94,19 @@ CAUSES: Final = (
         explains=(*_OF_FIT, "wrong_scale", "offset", "imu_misaligned"),
     ),
     Cause(
+        "unmeasured_turns",
+        "the machine turns, and no yaw rate tells curves from straight drives",
+        "the speed of both sides, no yaw rate, and curves that need more force",
+        channel_causes.find_turns_without_yaw_rate,
+        explains=(*_OF_FIT, "gain_drift"),
+    ),
+    Cause(
         "frozen",
         "a channel repeats one reading while the machine moves",
         "another channel that changes meanwhile",
         channel_causes.find_frozen_channel,
         withholds=True,
-        explains=(
-            *(*_OF_FIT, "imu_misaligned", "spikes", "saturated", "wrong_scale", "unlike_sides"),
-        ),
+        explains=(*_OF_FIT, "imu_misaligned", "spikes", "saturated", "wrong_scale", "unlike_sides"),
     ),
     Cause(
         "saturated",
@@ -123,8 +130,8 @@ CAUSES: Final = (
         "motion",
         sampling_causes.find_coarse_channel_resolution,
         explains=(
-            *("delay", "wheel_radius", "slip", "frozen", "imu_low_passed", "resonance"),
-            *_OF_RESIDUALS,
+            *(*_OF_RESIDUALS, "resonance"),
+            *("delay", "wheel_radius", "slip", "frozen", "imu_low_passed"),
         ),
     ),
     Cause(
@@ -230,8 +237,7 @@ CAUSES: Final = (
     ),
     Cause(
         "wheel_radius",
-        "the wheels are larger or smaller than stated, or the accelerometer's scale factor is "
-        "wrong",
+        "the wheel radius or the accelerometer's scale factor is wrong",
         _BOTH,
         fit_causes.find_wrong_wheel_radius,
     ),
@@ -313,7 +319,7 @@ CAUSES: Final = (
         "braking is excluded, although the force sensor measures it",
         "driving and braking that each determine a mass",
         setting_causes.find_unmodelled_braking,
-        explains=("too_little_excitation", "collinear"),
+        explains=_OF_FEW_STARTS,
     ),
     Cause(
         "external_force",
@@ -321,17 +327,14 @@ CAUSES: Final = (
         "a start of three seconds against it",
         fit_causes.find_external_force,
         # its starts are excluded, and few may remain
-        explains=(
-            *("driveline", "coulomb", "load_changed_inside"),
-            *("too_little_excitation", "collinear"),
-        ),
+        explains=("driveline", "coulomb", "load_changed_inside", *_OF_FEW_STARTS),
     ),
     Cause(
         "load_changed_inside",
         "the load changes while the machine drives",
         "four manoeuvres of three seconds",
         changing_loads.find_load_changing_in_motion,
-        explains=("driveline", "too_little_excitation", "collinear"),
+        explains=("driveline", *_OF_FEW_STARTS),
     ),
     Cause(
         "resonance",

@@ -1,6 +1,7 @@
 """Causes in one channel: frozen, clipped, or different from the other side.
 
-If the sides differ while the machine drives straight, one sensor, wheel or tyre is wrong.
+If the sides differ while the machine drives straight, one sensor, wheel or tyre is wrong. If the
+resistance follows that difference, the machine turns.
 """
 
 from collections.abc import Callable
@@ -19,10 +20,17 @@ from analysis.findings.channel_limits import LIMITS
 from analysis.findings.finding_inputs import ACCELERATIONS, FORCES, FindingInputs
 from analysis.findings.refit import compute_mass_change_by_refit_without_samples
 from analysis.findings.sampling_causes import measure_repeat_fraction_and_resolution
+from analysis.findings.whitened_rows import (
+    compute_sums_of_sample_blocks,
+    list_indices_of_samples_in_whole_blocks,
+)
 from analysis.model.windows import flag_rows_near_flagged_rows
 
 #: Causes that a dead channel explains.
 _OF_DEAD: Final = ("unsigned", "offset")
+_YAW_RATE: Final = "yaw_rate_rad_s"
+#: Divisor in place of 0.
+_LEAST: Final = 1e-30
 _CHANNELS: Final = {"torque": TORQUES, "speed": SPEEDS, "slip": SPEEDS}
 
 
@@ -304,3 +312,53 @@ def bound_mass_change_by_wheel_speed_error(inputs: FindingInputs) -> MassChange 
     return (
         None if fit is None or not fit.motion.by_accelerometer else MassChange(0.0, 0.5 * fit.u_kg)
     )
+
+
+def find_turns_without_yaw_rate(inputs: FindingInputs) -> list[Symptom]:
+    """Find a resistance that grows with the difference of the sides' speeds, as in curves."""
+    fit, signals, width_m = (
+        inputs.log_only_fit,
+        inputs.unfiltered_readings,
+        inputs.machine.machine.track_width_m,
+    )
+    if fit is None or _YAW_RATE in inputs.machine.channels or not set(SPEEDS) <= set(signals):
+        return []
+    motion, t = fit.motion, inputs.aligned["t_ns"].to_numpy() + inputs.check_inputs.t0_unix_ns
+    left, right = (
+        np.interp((t - t[0]).astype(np.float64), (stamps - t[0]).astype(np.float64), x)
+        for stamps, x in (signals[name] for name in SPEEDS)
+    )
+    size = max(round(LIMITS.turn_mean_s * motion.rate_hz), 1)
+    used = list_indices_of_samples_in_whole_blocks(motion.stretch_of_sample, size)
+    resistance_N = motion.force - inputs.look_up_mass_of_samples_kg(motion) * motion.acceleration
+    columns = (resistance_N, right - left, motion.acceleration, motion.speed)
+    resistance_N, difference, *own = (
+        compute_sums_of_sample_blocks(x[used], size) / size for x in columns
+    )
+    direction = np.sign(own[1])
+    A = np.column_stack([*own, direction, np.ones_like(direction)])
+    if direction.size < LIMITS.turn_min_blocks:
+        return []
+    # wheels that slip on one side differ one way only, or resist less the other way
+    turns = np.column_stack([difference.clip(0.0), (-difference).clip(0.0)]) * direction[:, None]
+    left_N, *scrubs = (
+        x - A @ np.linalg.lstsq(A, x)[0] for x in (resistance_N, turns.sum(axis=1), *turns.T)
+    )
+    slope, *slopes = (float(x @ left_N) / max(float(x @ x), _LEAST) for x in scrubs)
+    rarer_1 = float(np.abs(turns).sum(axis=0).min() / max(np.abs(turns).sum(), _LEAST))
+    if rarer_1 < LIMITS.turn_rarer_side_1 or min(slope, *slopes) <= 0.0:
+        return []
+    explained_1 = slope * float(scrubs[0] @ left_N) / float(left_N @ left_N)
+    mean_N = slope * float(np.abs(difference).mean())
+    return [
+        Symptom(
+            explained_1 / LIMITS.turn_explained_1,
+            f"the resistance grows with the difference of the two sides' speeds, by {mean_N:.0f} N "
+            f"on average, which is {explained_1:.0%} of the variance that the fit leaves; without "
+            "a yaw rate, curves are fitted as straight drives"
+            + ("" if width_m else "; the two speeds give one if machine.track_width_m is stated"),
+            channel=SPEEDS[0],
+            setting=f"channels.{_YAW_RATE}.derive" if width_m else None,
+            value=f'"({SPEEDS[1]} - {SPEEDS[0]}) / track_width_m"' if width_m else None,
+        )
+    ]

@@ -107,6 +107,15 @@ class ChannelLimits:
     idle_samples_fraction: float = 0.9
     #: Fraction of the log for which a channel repeats itself from which it is dead.
     dead_fraction: float = 0.5
+    #: Time in s over which the resistance and the difference of the sides' speeds are averaged,
+    turn_mean_s: float = 0.5
+    #: fewest such means,
+    turn_min_blocks: int = 30
+    #: smallest fraction of the differences that are to the rarer side,
+    turn_rarer_side_1: float = 0.1
+    #: and the fraction of the residual variance that follows the difference if the machine turns:
+    #: 0.7 in simulated carts that scrub in curves, below 0.02 in machines that do not scrub.
+    turn_explained_1: float = 0.15
 
 
 #: The values in use.

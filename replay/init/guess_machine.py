@@ -55,6 +55,12 @@ Source = tuple[str | None, str]
 
 _AXES: Final = ("specific_force_x_m_s2", "specific_force_y_m_s2", "specific_force_z_m_s2")
 _SIDES: Final = ("speed_left_m_s", "speed_right_m_s")
+_YAW_RATE_BY_SIDES = (
+    "# of a machine that turns, with machine.track_width_m, so that curves are left out:",
+    "# [channels.yaw_rate_rad_s]",
+    f'# derive = "({_SIDES[1]} - {_SIDES[0]}) / track_width_m"',
+    "",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +115,7 @@ def draft_machine_file(log: Log, time_axis: TimeAxis | None) -> tuple[str, list[
         *(f"id = {format_toml(each)}" for each in log.machine_ids()[:1] if is_serial_number(each)),
         "# empty_mass_kg = 3614.0       # for the payload and for the verdict",
         "# wheel_radius_m = 0.42        # needed if the force comes from wheel torques",
-        "# track_width_m = 1.5          # for the yaw torque",
+        "# track_width_m = 1.5          # for the yaw torque and yaw rate",
         "# digs = false                 # where it has no bucket: a car, a rack, an arm",
         "force_share = 1.0              # share of the force that the measured wheels carry",
         'timezone = "UTC"               # time zone of printed times',
@@ -150,6 +156,8 @@ def draft_machine_file(log: Log, time_axis: TimeAxis | None) -> tuple[str, list[
         is_open = not has_speed or any(each in formula for each in open_columns)
         sign = "# " if is_open else ""
         lines += [f"{sign}[channels.{column}]", f'{sign}derive = "{formula}"', ""]
+    if set(_SIDES) <= found and "yaw_rate_rad_s" not in found:
+        lines += _YAW_RATE_BY_SIDES
     lines += [f"# missing: {sentence}" for sentence in lacking]
     is_unsure = any(_format_wheel_unit_comment(guess) for guess in guesses)
     profiles = profile_fields(log)

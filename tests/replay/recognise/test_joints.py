@@ -75,6 +75,18 @@ def test_wheels_are_drafted_by_their_sides_and_their_unit_is_asked(
     ]
 
 
+def test_the_draft_of_a_machine_with_sides_has_its_yaw_rate_ready(tmp_path: Path) -> None:
+    with open_log(_written(tmp_path, ["left_wheel", "right_wheel"])) as log:
+        text, _ = draft_machine_file(log, None)
+    ready = text.replace("# track_width_m", "track_width_m").replace(
+        "# wheel_radius", "wheel_radius"
+    )
+    for line in ("[channels.yaw_rate_rad_s]", 'derive = "(speed_right_m_s'):
+        ready = ready.replace(f"# {line}", line)
+    assert ready != text
+    assert "yaw_rate_rad_s" in Machine.model_validate(tomllib.loads(ready)).channels
+
+
 @pytest.mark.heavy
 def test_the_draft_of_four_wheels_weighs(tmp_path: Path) -> None:
     path = _written(tmp_path, WHEELS["four"], rows=None)
