@@ -226,37 +226,21 @@ def integrate_runge_kutta_step(  # noqa: PLR0913 - compiled, as above
     next_state: Floats,
 ) -> None:
     """Take a Runge-Kutta step from `state` to `next_state`; `k[0]` holds the rates at `time_s`."""
-    for i in range(STATES):
-        next_state[i] = state[i] + 0.5 * step_s * k[0, i]
-    _fill_state_rates(
-        time_s + 0.5 * step_s,
-        next_state,
-        direction,
-        one_way,
-        machine,
-        stage,
-        wave,
-        wave_step_s,
-        k[1],
-    )
-    for i in range(STATES):
-        next_state[i] = state[i] + 0.5 * step_s * k[1, i]
-    _fill_state_rates(
-        time_s + 0.5 * step_s,
-        next_state,
-        direction,
-        one_way,
-        machine,
-        stage,
-        wave,
-        wave_step_s,
-        k[2],
-    )
-    for i in range(STATES):
-        next_state[i] = state[i] + step_s * k[2, i]
-    _fill_state_rates(
-        time_s + step_s, next_state, direction, one_way, machine, stage, wave, wave_step_s, k[3]
-    )
+    for at in range(1, 4):
+        ahead_s = step_s if at == 3 else 0.5 * step_s
+        for i in range(STATES):
+            next_state[i] = state[i] + ahead_s * k[at - 1, i]
+        _fill_state_rates(
+            time_s + ahead_s,
+            next_state,
+            direction,
+            one_way,
+            machine,
+            stage,
+            wave,
+            wave_step_s,
+            k[at],
+        )
     for i in range(STATES):
         next_state[i] = state[i] + step_s / 6.0 * (k[0, i] + 2.0 * (k[1, i] + k[2, i]) + k[3, i])
 
