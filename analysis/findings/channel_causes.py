@@ -25,6 +25,7 @@ from analysis.findings.whitened_rows import (
     list_indices_of_samples_in_whole_blocks,
 )
 from analysis.model.windows import flag_rows_near_flagged_rows
+from estimators.arrays import Floats
 
 #: Causes that a dead channel explains.
 _OF_DEAD: Final = ("unsigned", "offset")
@@ -331,24 +332,23 @@ def find_turns_without_yaw_rate(inputs: FindingInputs) -> list[Symptom]:
     size = max(round(LIMITS.turn_mean_s * motion.rate_hz), 1)
     used = list_indices_of_samples_in_whole_blocks(motion.stretch_of_sample, size)
     resistance_N = motion.force - inputs.look_up_mass_of_samples_kg(motion) * motion.acceleration
-    columns = (resistance_N, right - left, motion.acceleration, motion.speed)
-    resistance_N, difference, *own = (
+    columns = (resistance_N, right - left, motion.force, motion.acceleration, motion.speed)
+    resistance_N, difference, force_N, acceleration, speed = (
         compute_sums_of_sample_blocks(x[used], size) / size for x in columns
     )
-    direction = np.sign(own[1])
-    A = np.column_stack([*own, direction, np.ones_like(direction)])
-    if direction.size < LIMITS.turn_min_blocks:
+    if speed.size < LIMITS.turn_min_blocks or not difference.any():
         return []
-    # wheels that slip on one side differ one way only, or resist less the other way
-    turns = np.column_stack([difference.clip(0.0), (-difference).clip(0.0)]) * direction[:, None]
-    left_N, *scrubs = (
-        x - A @ np.linalg.lstsq(A, x)[0] for x in (resistance_N, turns.sum(axis=1), *turns.T)
+    # unlike wheels differ in proportion to the speed, and slip on one side to the force
+    straight = np.column_stack([speed, force_N, force_N * np.abs(speed)])
+    if compute_explained_fraction(straight, difference) > LIMITS.turn_straight_1:
+        return []
+    direction = np.sign(speed)
+    A = np.column_stack([acceleration, speed, direction, np.ones_like(speed)])
+    scrub, left_N = (
+        x - A @ np.linalg.lstsq(A, x)[0] for x in (direction * np.abs(difference), resistance_N)
     )
-    slope, *slopes = (float(x @ left_N) / max(float(x @ x), _LEAST) for x in scrubs)
-    rarer_1 = float(np.abs(turns).sum(axis=0).min() / max(np.abs(turns).sum(), _LEAST))
-    if rarer_1 < LIMITS.turn_rarer_side_1 or min(slope, *slopes) <= 0.0:
-        return []
-    explained_1 = slope * float(scrubs[0] @ left_N) / float(left_N @ left_N)
+    slope = max(float(scrub @ left_N) / max(float(scrub @ scrub), _LEAST), 0.0)
+    explained_1 = slope * float(scrub @ left_N) / max(float(left_N @ left_N), _LEAST)
     mean_N = slope * float(np.abs(difference).mean())
     return [
         Symptom(
@@ -362,3 +362,9 @@ def find_turns_without_yaw_rate(inputs: FindingInputs) -> list[Symptom]:
             value=f'"({SPEEDS[1]} - {SPEEDS[0]}) / track_width_m"' if width_m else None,
         )
     ]
+
+
+def compute_explained_fraction(A: Floats, x: Floats) -> float:
+    """Fraction of the sum of squares of `x` (n,), not all 0, that the columns (n, p) explain."""
+    left = x - A @ np.linalg.lstsq(A, x)[0]
+    return 1.0 - float(left @ left) / float(x @ x)

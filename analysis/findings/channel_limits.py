@@ -111,10 +111,11 @@ class ChannelLimits:
     turn_mean_s: float = 0.5
     #: fewest such means,
     turn_min_blocks: int = 30
-    #: smallest fraction of the differences that are to the rarer side,
-    turn_rarer_side_1: float = 0.1
+    #: largest fraction of the difference that speed and force explain, as of unlike wheels or slip,
+    turn_straight_1: float = 0.5
     #: and the fraction of the residual variance that follows the difference if the machine turns:
-    #: 0.7 in simulated carts that scrub in curves, below 0.02 in machines that do not scrub.
+    #: 0.7 to 0.97 in simulated carts whose curves scrub, 0.2 in a real machine that skids to steer,
+    #: below 0.02 in machines that drive straight or roll through curves.
     turn_explained_1: float = 0.15
 
 

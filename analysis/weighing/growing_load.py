@@ -242,7 +242,8 @@ def find_manoeuvres_with_growing_load(
     ) * compute_student_to_normal_ratio(kg.size - 1)
     # more than a machine can carry is no load, however significant the misfit is
     carried = np.abs(kg) < LIMITS.max_growth_fraction * abs(fit.mass_kg)
-    carried &= kg > -compute_max_plausible_load_loss_kg(fit)
+    most_kg = compute_max_plausible_load_change_kg(fit)
+    carried &= kg > -most_kg
     used, of_sample = np.flatnonzero(motion.is_fittable), find_manoeuvre_of_fitted_samples(motion)
     return tuple(
         LoadChangeInMotion(
@@ -251,9 +252,7 @@ def find_manoeuvres_with_growing_load(
             float(state_mass_kg[k] + offset_kg[k]),
             float(kg[k]),
             float(std_kg[k]),
-            bool(
-                kg[k] > 0.0 or kg[k] > -compute_max_load_loss_of_manoeuvre_kg(fit, int(number[k]))
-            ),
+            bool(-compute_max_load_loss_of_manoeuvre_kg(fit, int(number[k])) < kg[k] < most_kg),
         )
         for k in np.flatnonzero((np.abs(kg) > limit * std_kg) & carried)
     )
@@ -294,11 +293,11 @@ def estimate_load_growth_common_to_mass_kg(mass_kg: Floats, growth_kg: Floats) -
     return common_kg
 
 
-def compute_max_plausible_load_loss_kg(fit: JointFit) -> float:
-    """Largest plausible loss of load in kg, by the range of the masses; infinite with one load."""
+def compute_max_plausible_load_change_kg(fit: JointFit) -> float:
+    """Largest plausible change of load in kg, by the range of masses; infinite with one load."""
     if fit.mass_count == 1:
         return float("inf")
-    return LIMITS.max_loss_load_ratio * float(np.ptp(fit.masses_kg))
+    return LIMITS.max_load_change_ratio * float(np.ptp(fit.masses_kg))
 
 
 def compute_max_load_loss_of_manoeuvre_kg(fit: JointFit, manoeuvre_number: int) -> float:

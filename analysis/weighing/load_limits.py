@@ -47,8 +47,8 @@ class LoadLimits:
     max_growth_fraction: float = 1.0
     #: Rounds of reweighting for least absolute deviations.
     least_absolute_rounds: int = 20
-    #: Most that a load loses over the range of the loads: empty starts "lost" 4 t beside 0.8 t.
-    max_loss_load_ratio: float = 2.0
+    #: Largest change of a load over the range of the loads: empty starts "lost" 4 t beside 0.8 t.
+    max_load_change_ratio: float = 2.0
     #: Standard deviation of a start's own friction, as a share of it.
     own_friction_fraction: float = 0.1
     #: Standard deviation of a start's own constant, as a share of the largest force.
