@@ -12,6 +12,7 @@ from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth_by_trailing_mean
 from analysis.stages.signals.align import align_channels_on_grid
+from analysis.stages.signals.rates import ChannelSamples
 
 
 def scenario(seed: int, **campaign: object) -> Scenario:
@@ -52,7 +53,7 @@ def excitation(
         ),
     }
     wanted = {
-        name: topic.select(pl.col("header_stamp_ns").alias("unix_ns"), name)
+        name: ChannelSamples(topic["header_stamp_ns"].to_numpy(), topic[name].to_numpy())
         for topic in topics.values()
         for name in topic.columns
         if name in machine.channels

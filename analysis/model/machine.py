@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping
+from functools import cache
 from typing import Any, Self
 
 from pydantic import (
@@ -67,6 +68,13 @@ class LogSection(BaseModel):
         return {name: value for name, value in handler(self).items() if value is not None}
 
 
+@cache
+def _match_names(form: re.Pattern[str], derive: str | None) -> tuple[Any, ...] | None:
+    """Names in a derivation of the given form; None if it has another one."""
+    match = form.fullmatch((derive or "").strip())
+    return match.groups() if match else None
+
+
 class Channel(BaseModel):
     """Where one column comes from: a field of a topic, or other channels."""
 
@@ -97,20 +105,18 @@ class Channel(BaseModel):
     @property
     def differentiated_channel(self) -> str | None:
         """The channel that `derive = "d/dt NAME"` differentiates."""
-        match = _DERIVATIVE.fullmatch((self.derive or "").strip())
-        return match[1] if match else None
+        names = _match_names(_DERIVATIVE, self.derive)
+        return names[0] if names else None
 
     @property
     def averaged_channels(self) -> tuple[str, str] | None:
         """The two channels that `derive = "mean(A, B)"` averages."""
-        match = _MEAN.fullmatch((self.derive or "").strip())
-        return (match[1], match[2]) if match else None
+        return _match_names(_MEAN, self.derive)
 
     @property
     def angle_and_quaternion_field(self) -> tuple[str, str] | None:
         """Angle and quaternion field of `derive = "pitch(FIELD)"` or `"roll(FIELD)"`; else None."""
-        match = _ANGLE.fullmatch((self.derive or "").strip())
-        return (match[1], match[2]) if match else None
+        return _match_names(_ANGLE, self.derive)
 
     @property
     def expression(self) -> Expression | None:
@@ -127,10 +133,9 @@ class Channel(BaseModel):
     @property
     def is_derivative(self) -> bool:
         """Whether the channel is, or contains, a derivative of another channel."""
-        tree = self.expression if self.derive and not self.differentiated_channel else None
-        return self.differentiated_channel is not None or (
-            tree is not None and any(iter_differentiated_channels(tree))
-        )
+        tree = self.expression
+        contains = tree is not None and any(iter_differentiated_channels(tree))
+        return contains or self.differentiated_channel is not None
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -142,15 +147,11 @@ class Channel(BaseModel):
     @property
     def direct_source_channels(self) -> tuple[str, ...]:
         """Channels that this one is directly computed from; empty if it is recorded."""
-        if self.expression is not None:
-            return tuple(
-                dict.fromkeys(
-                    n for n in iter_channel_names(self.expression) if n not in BODY_NUMBERS
-                )
-            )
-        return self.averaged_channels or (
-            (self.differentiated_channel,) if self.differentiated_channel else ()
-        )
+        if (tree := self.expression) is not None:
+            names = (name for name in iter_channel_names(tree) if name not in BODY_NUMBERS)
+            return tuple(dict.fromkeys(names))
+        rated = self.differentiated_channel
+        return self.averaged_channels or ((rated,) if rated else ())
 
     @model_validator(mode="after")
     def _require_field_or_derivation(self) -> Self:
@@ -250,9 +251,8 @@ class Machine(BaseModel):
             for source in channel.direct_source_channels:
                 if source not in self.channels:
                     raise ValueError(f"channels.{name}: '{source}' is not a channel; add it")
-            for key in (
-                iter_channel_names(channel.expression) if channel.expression is not None else ()
-            ):
+            tree = channel.expression
+            for key in iter_channel_names(tree) if tree is not None else ():
                 if key in BODY_NUMBERS and getattr(self.machine, key) is None:
                     raise ValueError(f"channels.{name}: needs machine.{key}; give it")
         self.order_channels_by_derivation()

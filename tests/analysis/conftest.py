@@ -11,6 +11,7 @@ from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth_by_trailing_mean
 from analysis.stages.signals.align import align_channels_on_grid
 from analysis.stages.signals.derive import derive_channels_in_si, read_measured_channels
+from analysis.stages.signals.rates import ChannelSamples
 from analysis.stages.signals.timestamps import assign_timestamps
 from tests.analysis.settings_by_name import staged
 
@@ -120,15 +121,13 @@ def make_raw(drive):
     }
 
 
-def channel_frames(unix_ns=None, **columns):
+def make_channels(unix_ns=None, **columns):
     """Channels as `derive_channels_in_si` gives them, all at the same stamps."""
-    frames = {}
+    channels = {}
     for name, x in columns.items():
         t, x = x if isinstance(x, tuple) else (unix_ns, x)
-        frames[name] = pl.DataFrame(
-            {"unix_ns": np.asarray(t, np.int64), name: np.asarray(x, float)}
-        )
-    return frames
+        channels[name] = ChannelSamples(np.asarray(t, np.int64), np.asarray(x, float))
+    return channels
 
 
 def make_excitation(drive, machine=None):
@@ -162,7 +161,7 @@ def raw_of():
 
 @pytest.fixture(scope="session")
 def channels_of():
-    return channel_frames
+    return make_channels
 
 
 @pytest.fixture(scope="session")

@@ -15,6 +15,7 @@ from analysis.stages.gating.segments import (
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth_by_trailing_mean
 from analysis.stages.signals.align import align_channels_on_grid
+from analysis.stages.signals.rates import ChannelSamples
 
 TRUE_KG = 3614.0
 
@@ -53,13 +54,14 @@ def excitation_of_starts(seed, starts, machine):
     force = torque.select(measured)["torque_left_N_m"].to_numpy() / lever_m + coloured(
         torque.height, seed
     )
-    stamp = pl.col("header_stamp_ns").alias("unix_ns")
+    sides = speed.select(pl.mean_horizontal("speed_left_m_s", "speed_right_m_s"))
     channels = {
-        "force_x_N": torque.select(stamp, force_x_N=pl.Series(force)),
-        "speed_x_m_s": speed.select(
-            stamp, speed_x_m_s=pl.mean_horizontal("speed_left_m_s", "speed_right_m_s")
-        ),
-        "specific_force_x_m_s2": imu.select(stamp, "specific_force_x_m_s2"),
+        name: ChannelSamples(frame["header_stamp_ns"].to_numpy(), np.asarray(x))
+        for name, frame, x in (
+            ("force_x_N", torque, force),
+            ("speed_x_m_s", speed, sides.to_series()),
+            ("specific_force_x_m_s2", imu, imu["specific_force_x_m_s2"]),
+        )
     }
     return compute_excitation(
         smooth_by_trailing_mean(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from analysis.model.machine import Machine
 from analysis.model.schema import HINTS, build_frame
 from analysis.stages.signals import filters, mounting, rates
-from analysis.stages.signals.rates import ChannelSeries
+from analysis.stages.signals.rates import ChannelSamples, ChannelSeries
 from analysis.stages.signals.signal_limits import LIMITS
 from estimators.arrays import Ints
 from estimators.errors import DataError
@@ -24,7 +24,7 @@ class AlignedGrid(NamedTuple):
     t0_unix_ns: int
 
 
-def align_channels_on_grid(channels: Mapping[str, pl.DataFrame], machine: Machine) -> AlignedGrid:
+def align_channels_on_grid(channels: Mapping[str, ChannelSamples], machine: Machine) -> AlignedGrid:
     """Interpolate every channel linearly on one uniform grid.
 
     Two samples are interpolated if they are no further apart than `gap_periods` of their channel's
@@ -40,8 +40,7 @@ def align_channels_on_grid(channels: Mapping[str, pl.DataFrame], machine: Machin
     are known; any other channel that is not known yet has its newest value.
 
     Args:
-        channels: frame by channel, with unix_ns (strictly ascending), the channel's column, and
-            with `filter.causal` known_ns if it differs.
+        channels: samples by channel.
         machine: machine file with channels, IMU mounting and rate.
 
     Returns:
@@ -76,7 +75,7 @@ class GridOrigin(NamedTuple):
 
 
 def find_origin_of_causal_grid(
-    channels: Mapping[str, pl.DataFrame], machine: Machine
+    channels: Mapping[str, ChannelSamples], machine: Machine
 ) -> GridOrigin:
     """Origin of the grid of a causal replay, from the first seconds of its channels.
 
@@ -92,7 +91,7 @@ def find_origin_of_causal_grid(
 
 
 def align_known_rows_on_causal_grid(
-    channels: Mapping[str, pl.DataFrame],
+    channels: Mapping[str, ChannelSamples],
     machine: Machine,
     origin: GridOrigin,
     after_ns: int,
@@ -129,10 +128,10 @@ def align_known_rows_on_causal_grid(
 
 
 def _make_channel_and_regressor_series(
-    channels: Mapping[str, pl.DataFrame], machine: Machine
+    channels: Mapping[str, ChannelSamples], machine: Machine
 ) -> tuple[dict[str, ChannelSeries], dict[str, ChannelSeries]]:
     """All channels at their own stamps, and again with each regressor's at its slowest stamps."""
-    raw = {n: rates.make_channel_series(n, frame, machine) for n, frame in channels.items()}
+    raw = rates.make_series_of_channels(channels, machine)
     return raw, _average_fast_channels_to_slowest(raw, machine)
 
 
@@ -174,9 +173,9 @@ def align_channels_at_instants(
     )
 
 
-def list_alignment_notes(channels: Mapping[str, pl.DataFrame], machine: Machine) -> list[str]:
+def list_alignment_notes(channels: Mapping[str, ChannelSamples], machine: Machine) -> list[str]:
     """Notes on what `align` does to these channels."""
-    raw = {n: rates.make_channel_series(n, frame, machine) for n, frame in channels.items()}
+    raw = rates.make_series_of_channels(channels, machine)
     said = _list_long_gap_notes(raw)
     said += [str(each) for each in rates.list_rate_limited_regressors(raw, machine)]
     if machine.settings.filter.causal:

@@ -25,6 +25,7 @@ from analysis.model.schema import CHANNEL_COLUMNS, HINTS
 from analysis.model.settings import AlignSettings
 from analysis.stages.signals import filters, mounting
 from analysis.stages.signals.piecewise_constant import interpolate_between_steps
+from analysis.stages.signals.rates import ChannelSamples
 from analysis.stages.signals.signal_limits import LIMITS
 from estimators.errors import DataError, MachineError, NoReadingError
 
@@ -35,7 +36,7 @@ UNFILTERED = frozenset({"pitch_rad", "roll_rad"}) | HINTS
 
 def derive_channels_in_si(
     measured: Mapping[str, mounting.Series], machine: Machine
-) -> tuple[dict[str, pl.DataFrame], list[str]]:
+) -> tuple[dict[str, ChannelSamples], list[str]]:
     """Filter the measured channels, and derive the others of the machine file from them.
 
     If any channel is differentiated, the same zero-phase low-pass (causal if so set) is applied to
@@ -48,8 +49,7 @@ def derive_channels_in_si(
         machine: machine file with channels and settings.
 
     Returns:
-        Frame by channel, including `direction_x_1`, with unix_ns and the channel's column, and with
-        known_ns if `filter.causal` is set; and notes.
+        Samples by channel, including `direction_x_1`; and notes.
     """
     settings = machine.settings
     notes: list[str] = []
@@ -77,13 +77,9 @@ def derive_channels_in_si(
     # at standstill the sign of the speed would be pure noise
     moves = np.abs(speed) > settings.forces.direction_deadband_m_s
     series["direction_x_1"] = t, np.where(moves, np.sign(speed), 0.0)
-    columns = {n: [pl.Series("unix_ns", t), pl.Series(n, x)] for n, (t, x) in series.items()}
-    if settings.filter.causal:
-        known = find_known_times_of_samples_ns(measured, picked, whole, machine)
-        for name, each in columns.items():
-            if name in known:
-                each.append(pl.Series("known_ns", known[name]))
-    return {name: pl.DataFrame(each) for name, each in columns.items()}, notes
+    causal = settings.filter.causal
+    known = find_known_times_of_samples_ns(measured, picked, whole, machine) if causal else {}
+    return {n: ChannelSamples(t, x, known.get(n)) for n, (t, x) in series.items()}, notes
 
 
 def parse_derivation_in_si(name: str, machine: Machine) -> Expression:
@@ -349,6 +345,8 @@ def average_two_channels(
 
     The stamps are those of `b` if it is much slower, so that it is not interpolated, else of `a`.
     """
+    if a[0] is b[0]:
+        return a[0], (a[1] + b[1]) / 2.0
     period_ns = filters.compute_median_period_ns
     if period_ns(b[0]) > LIMITS.other_rate_ratio * period_ns(a[0]):
         a, b = b, a
@@ -371,12 +369,12 @@ def find_known_times_of_samples_ns(
         series: the same in machine axes, and the derived channels.
         machine: machine file with delays and derived channels.
     """
-    filtered = {
-        name: filters.compute_interpolation_ready_ns(
-            t, t + round(machine.channels[name].delay_s * 1e9), picked_channels[name][0]
+    filtered: dict[str, filters.Ints] = {}
+    for name, (t, _) in channels.items():
+        delay_ns = round(machine.channels[name].delay_s * 1e9)
+        filtered[name] = filters.compute_interpolation_ready_ns(
+            t, t + delay_ns if delay_ns else t, picked_channels[name][0]
         )
-        for name, (t, _) in channels.items()
-    }
     known: dict[str, filters.Ints] = {}
     for name, own in filtered.items():
         beside = mounting.list_axes_rotated_together(name, picked_channels, machine.machine.imu)
@@ -385,16 +383,16 @@ def find_known_times_of_samples_ns(
             filters.compute_interpolation_ready_ns(picked_channels[other][0], filtered[other], at)
             for other in beside
         ]
-        known[name] = np.max(each, axis=0) if each else own
+        known[name] = filters.find_latest_times_ns(each) if each else own
     for name in machine.order_channels_by_derivation():
         channel, sources = machine.channels[name], machine.channels[name].direct_source_channels
         if sources:
-            # a central difference waits for the next sample
-            wait_ns = 1 if channel.differentiated_channel else 0
-            at = series[name][0] + wait_ns
+            at = series[name][0]
+            if channel.differentiated_channel:
+                at = at + 1  # a central difference waits for the next sample
             each = [
                 filters.compute_interpolation_ready_ns(series[source][0], known[source], at)
                 for source in sources
             ]
-            known[name] = np.max(each, axis=0)
+            known[name] = filters.find_latest_times_ns(each)
     return known | {"direction_x_1": known["speed_x_m_s"]}

@@ -1,6 +1,8 @@
 """Valid readings, low-pass and derivative at a topic's own rate, within gap-free stretches."""
 
 from collections import defaultdict
+from collections.abc import Sequence
+from functools import reduce
 from typing import cast
 
 import numpy as np
@@ -214,7 +216,14 @@ def compute_interpolation_ready_ns(t_ns: Ints, known_ns: Ints, at_ns: Ints) -> I
         known_ns: (n,) arrival time of each sample.
         at_ns: (rows,) instants.
     """
+    if at_ns is t_ns:
+        return known_ns
     return known_ns[np.minimum(np.searchsorted(t_ns, at_ns), t_ns.size - 1)]
+
+
+def find_latest_times_ns(times_ns: Sequence[Ints]) -> Ints:
+    """Latest of several times in each row, (n,)."""
+    return reduce(lambda one, other: one if one is other else np.maximum(one, other), times_ns)
 
 
 def _resample_uniformly(t_ns: Ints, signal: Floats, period_ns: float) -> tuple[Ints, Floats]:

@@ -2,10 +2,9 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
-import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.settings import AlignSettings
@@ -19,6 +18,20 @@ from estimators.arrays import Floats, Ints
 GAP_PERIODS: Final[float] = AlignSettings.model_fields["gap_periods"].default
 _TORQUES: Final = ("torque_left_N_m", "torque_right_N_m")
 _WHOLE_TURN: Final = {"longitude_deg": 360.0, "roll_rad": 2 * np.pi}
+
+
+class ChannelSamples(NamedTuple):
+    """Samples of a channel in SI units, as `derive_channels_in_si` makes them.
+
+    Attributes:
+        t_ns: (n,) stamps, Unix time, strictly ascending; channels of one topic share the array.
+        x: (n,) samples.
+        known_ns: (n,) arrival times with `filter.causal`; None if they are the stamps.
+    """
+
+    t_ns: Ints
+    x: Floats
+    known_ns: Ints | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,15 +87,35 @@ class ChannelSeries:
         return float(np.median(self.known_ns - self.t_ns)) + self.width_ns / 2
 
 
-def make_channel_series(name: str, frame: pl.DataFrame, machine: Machine) -> ChannelSeries:
-    """Series of a channel from `derive`, averaged if its topic is faster than the grid."""
-    settings = machine.settings.align
-    t_ns = frame["unix_ns"].to_numpy()
-    x = frame[name].to_numpy()
+def make_series_of_channels(
+    channels: Mapping[str, ChannelSamples], machine: Machine
+) -> dict[str, ChannelSeries]:
+    """Series of channels from `derive`, averaged where a topic is faster than the grid."""
+    series: dict[str, ChannelSeries] = {}
+    for name, samples in channels.items():
+        same = (each for each in series.values() if each.t_ns is samples.t_ns)
+        series[name] = make_channel_series(name, samples, machine, next(same, None))
+    return series
+
+
+def make_channel_series(
+    name: str,
+    samples: ChannelSamples,
+    machine: Machine,
+    with_same_stamps: ChannelSeries | None = None,
+) -> ChannelSeries:
+    """Series of a channel; what follows from the stamps is taken from one with the same, if any."""
+    t_ns, x, known_ns = samples
     if name in _WHOLE_TURN:
         # 179° and -179° are neighbours
         x = np.unwrap(x, period=_WHOLE_TURN[name])
-    known_ns = frame["known_ns"].to_numpy() if "known_ns" in frame.columns else t_ns
+    known_ns = t_ns if known_ns is None else known_ns
+    is_piecewise_constant = machine.is_piecewise_constant(name)
+    if with_same_stamps is not None:
+        return replace(
+            with_same_stamps, x=x, known_ns=known_ns, is_piecewise_constant=is_piecewise_constant
+        )
+    settings = machine.settings.align
     step_ns = 1e9 / settings.rate_hz
     longest_ns = filters.compute_gap_threshold_ns(t_ns, settings)
     period_ns = compute_mean_step_up_to_max_gap_ns(t_ns, longest_ns, step_ns)
@@ -94,7 +127,7 @@ def make_channel_series(name: str, frame: pl.DataFrame, machine: Machine) -> Cha
         longest_ns,
         period_ns,
         width_ns=round(step_ns) if faster else 0,
-        is_piecewise_constant=machine.is_piecewise_constant(name),
+        is_piecewise_constant=is_piecewise_constant,
     )
 
 

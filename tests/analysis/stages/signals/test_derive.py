@@ -16,7 +16,13 @@ T = np.arange(500) * 10 * MS + 1_700_000_000_000_000_000
 
 def derived(raw, machine):
     read, losses = read_measured_channels(assign_timestamps(raw)[0], machine)
-    frames, notes = derive_channels_in_si(read, machine)
+    channels, notes = derive_channels_in_si(read, machine)
+    frames = {
+        name: pl.DataFrame(
+            {"unix_ns": t, name: x, **({} if known is None else {"known_ns": known})}
+        )
+        for name, (t, x, known) in channels.items()
+    }
     return frames, losses, notes
 
 

@@ -57,5 +57,5 @@ def test_a_force_of_a_gear_read_once_a_second_comes_at_the_rate_of_the_torque(ra
     assert own.settings.align.rate_hz == 10.0
     force = derive_channels_in_si(read, own)[0]["force_x_N"]
     # from 4 s, the last reading of the one gear, to 5 s, the first of the other, none is known
-    assert force["unix_ns"].to_list() == [*at[:41], *at[50:91]]
-    assert force["force_x_N"].unique(maintain_order=True).to_list() == [12.0, 6.0]
+    assert force.t_ns.tolist() == [*at[:41], *at[50:91]]
+    assert list(dict.fromkeys(force.x.tolist())) == [12.0, 6.0]
