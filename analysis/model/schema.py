@@ -976,9 +976,28 @@ def _make_declared_series(name: str, column: NDArray[Any] | pl.Series) -> pl.Ser
     return named.fill_nan(None) if may_have_nan else named
 
 
-def get_column_values(frame: pl.DataFrame, column: str) -> NDArray[np.float64]:
+class ColumnArrays(dict[str, NDArray[Any]]):
+    """Columns of a frame as arrays (rows,), with NaN for null.
+
+    Of a few rows, as while following a log, a frame costs more than what is computed from it.
+    """
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of the columns."""
+        return [*self]
+
+    @property
+    def height(self) -> int:
+        """Number of rows."""
+        return next(iter(self.values())).size
+
+
+def get_column_values(frame: pl.DataFrame | ColumnArrays, column: str) -> NDArray[np.float64]:
     """Column as floats, (rows,); NaN for nulls, or if the frame lacks the column."""
     if column not in frame.columns:
         return np.full(frame.height, np.nan)
+    if isinstance(frame, ColumnArrays):
+        return frame[column]
     series = frame.get_column(column)
     return (series if series.dtype == pl.Float64 else series.cast(pl.Float64)).to_numpy()

@@ -14,11 +14,11 @@ import numpy as np
 import polars as pl
 
 from analysis.model.machine import Machine
-from analysis.model.schema import HINTS
+from analysis.model.schema import HINTS, build_frame
 from analysis.online.online_limits import LIMITS
-from analysis.stages.motion.forces import compute_excitation
+from analysis.stages.motion.forces import compute_excitation_columns
 from analysis.stages.motion.phases import count_rows_in_speed_rate_span
-from analysis.stages.motion.smooth import smooth_by_trailing_mean
+from analysis.stages.motion.smooth import smooth_columns_by_trailing_mean
 from analysis.stages.signals.align import (
     GridOrigin,
     align_known_rows_on_causal_grid,
@@ -280,13 +280,15 @@ class GrowingLog:
         aligned = align_known_rows_on_causal_grid(
             channels, machine, self.basis.origin, after_ns, is_log_complete=is_log_complete
         )
-        if aligned.is_empty() or int(aligned["t_ns"][-1]) <= self._last_t_ns:
+        t_ns = aligned["t_ns"]
+        if not t_ns.size or t_ns[-1] <= self._last_t_ns:
             return None
-        rows = compute_excitation(smooth_by_trailing_mean(aligned, settings.smooth), machine)
-        rows = rows[int(np.searchsorted(rows["t_ns"].to_numpy(), self._last_t_ns, side="right")) :]
-        self._last_t_ns = int(rows["t_ns"][-1])
+        smoothed = smooth_columns_by_trailing_mean(aligned, settings.smooth)
+        columns = compute_excitation_columns(smoothed, machine)
+        first = int(np.searchsorted(t_ns, self._last_t_ns, side="right"))
+        self._last_t_ns = int(t_ns[-1])
         self._drop_old_samples()
-        return rows
+        return build_frame("excitation", {name: each[first:] for name, each in columns.items()})
 
     def _drop_old_samples(self) -> None:
         """Drop samples that no later row needs."""

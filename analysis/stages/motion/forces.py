@@ -1,5 +1,7 @@
 """Force, torque and regressor acceleration from the smoothed motion: (17), (18), (4)."""
 
+from typing import Any
+
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
@@ -7,7 +9,7 @@ from numpy.typing import NDArray
 from analysis.model.axes import YAW_COLUMNS
 from analysis.model.machine import Machine
 from analysis.model.machine_body import Body
-from analysis.model.schema import FRAMES, build_frame, get_column_values
+from analysis.model.schema import FRAMES, ColumnArrays, build_frame, get_column_values
 from analysis.stages.motion.phases import classify_motion_phases, compute_trailing_speed_rate
 from estimators.arrays import Floats
 
@@ -22,15 +24,20 @@ def compute_excitation(smoothed: pl.DataFrame, machine: Machine) -> pl.DataFrame
     Returns:
         `excitation`.
     """
+    return build_frame("excitation", compute_excitation_columns(smoothed, machine))
+
+
+def compute_excitation_columns(
+    smoothed: pl.DataFrame | ColumnArrays, machine: Machine
+) -> dict[str, NDArray[Any] | pl.Series]:
+    """Columns of the frame that `compute_excitation` makes, NaN for null; the phase as a series."""
     settings = machine.settings
     speed = get_column_values(smoothed, "speed_x_m_s")
     rate = compute_trailing_speed_rate(speed, settings)
     declared = {column.name for column in FRAMES["excitation"].columns}
-    columns: dict[str, NDArray[np.float64] | pl.Series] = {
+    columns: dict[str, NDArray[Any] | pl.Series] = {
         # arrays: of series, `build` would look for NaN by a query
-        name: get_column_values(smoothed, name)
-        if smoothed[name].dtype.is_float()
-        else smoothed[name]
+        name: np.asarray(smoothed[name]) if name == "t_ns" else get_column_values(smoothed, name)
         for name in smoothed.columns
         if name in declared
     }
@@ -43,10 +50,10 @@ def compute_excitation(smoothed: pl.DataFrame, machine: Machine) -> pl.DataFrame
         columns["regressor_acc_y_m_s2"] = compute_lateral_acceleration(smoothed, machine)
     columns["speed_rate_x_m_s2"] = rate
     columns["phase"] = classify_motion_phases(smoothed, speed, rate, settings)
-    return build_frame("excitation", columns)
+    return columns
 
 
-def compute_longitudinal_force(smoothed: pl.DataFrame, body: Body) -> Floats:
+def compute_longitudinal_force(smoothed: pl.DataFrame | ColumnArrays, body: Body) -> Floats:
     """Force (rows,) in N by (17): (τ_r + τ_l) / r, divided by the share of the measured wheels."""
     if "force_x_N" in smoothed.columns:
         force = get_column_values(smoothed, "force_x_N") / body.force_share
@@ -61,7 +68,7 @@ def compute_longitudinal_force(smoothed: pl.DataFrame, body: Body) -> Floats:
     return np.where(reverses, force / body.force_gain_in_reverse, force)
 
 
-def compute_yaw_torque(smoothed: pl.DataFrame, body: Body) -> Floats | None:
+def compute_yaw_torque(smoothed: pl.DataFrame | ColumnArrays, body: Body) -> Floats | None:
     """Yaw torque (rows,) in N·m by (18): (τ_r - τ_l) / r · L/2, divided by the force share.
 
     None if the channels or the track width are missing.
@@ -79,7 +86,9 @@ def compute_yaw_torque(smoothed: pl.DataFrame, body: Body) -> Floats | None:
     return difference / body.wheel_radius_m * body.track_width_m / 2.0 / body.force_share
 
 
-def compute_regressor_acceleration(smoothed: pl.DataFrame, machine: Machine) -> Floats:
+def compute_regressor_acceleration(
+    smoothed: pl.DataFrame | ColumnArrays, machine: Machine
+) -> Floats:
     """Acceleration that multiplies the mass in (7), (rows,) in m/s².
 
     Gravity is moved to the left side of (4): the accelerometer's specific force includes it, while
@@ -95,7 +104,7 @@ def compute_regressor_acceleration(smoothed: pl.DataFrame, machine: Machine) -> 
     return acceleration
 
 
-def compute_lateral_acceleration(smoothed: pl.DataFrame, machine: Machine) -> Floats:
+def compute_lateral_acceleration(smoothed: pl.DataFrame | ColumnArrays, machine: Machine) -> Floats:
     """Specific force of the origin to the left, (rows,) in m/s².
 
     Measured by the accelerometer if that is chosen and has a y axis: it includes the sideways slip

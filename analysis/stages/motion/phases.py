@@ -12,7 +12,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.model.schema import PHASE, get_column_values
+from analysis.model.schema import PHASE, ColumnArrays, get_column_values
 from analysis.model.settings import Settings
 from analysis.model.windows import find_flagged_runs, flag_windows_with_flagged_rows
 from analysis.stages.motion.smooth import compute_trailing_mean
@@ -154,7 +154,7 @@ def _estimate_mean_speed_over_span(speed: Floats, speed_rate: Floats, settings: 
 
 
 def classify_motion_phases(
-    smoothed: pl.DataFrame, speed: Floats, speed_rate: Floats, settings: Settings
+    smoothed: pl.DataFrame | ColumnArrays, speed: Floats, speed_rate: Floats, settings: Settings
 ) -> pl.Series:
     """Classify the phase of every row; null if the speed or its rate is unknown.
 

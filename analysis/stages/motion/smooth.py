@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.model.schema import build_frame, get_column_values
+from analysis.model.schema import ColumnArrays, build_frame, get_column_values
 from analysis.model.settings import SmoothSettings
 
 
@@ -22,14 +22,21 @@ def smooth_by_trailing_mean(aligned: pl.DataFrame, settings: SmoothSettings) -> 
     Returns:
         The same columns, null in rows near a gap.
     """
-    gap = aligned["gap"].to_numpy()
+    return build_frame("aligned", smooth_columns_by_trailing_mean(aligned, settings))
+
+
+def smooth_columns_by_trailing_mean(
+    aligned: pl.DataFrame | ColumnArrays, settings: SmoothSettings
+) -> ColumnArrays:
+    """Columns of the frame that `smooth_by_trailing_mean` makes, NaN in rows near a gap."""
+    t_ns, gap = np.asarray(aligned["t_ns"]), np.asarray(aligned["gap"])
     columns: dict[str, NDArray[np.float64]] = {}
     for name in aligned.columns:
         if name in ("t_ns", "gap"):
             continue
         x = np.where(gap, np.nan, get_column_values(aligned, name))
         columns[name] = compute_trailing_mean(x, settings.samples)
-    return build_frame("aligned", {"t_ns": aligned["t_ns"], **columns, "gap": aligned["gap"]})
+    return ColumnArrays(t_ns=t_ns, **columns, gap=gap)
 
 
 def compute_trailing_mean(signal: NDArray[np.float64], samples: int) -> NDArray[np.float64]:

@@ -9,7 +9,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.model.machine import Machine
-from analysis.model.schema import HINTS, build_frame
+from analysis.model.schema import HINTS, ColumnArrays, build_frame
 from analysis.stages.signals import filters, mounting, rates
 from analysis.stages.signals.rates import ChannelSamples, ChannelSeries
 from analysis.stages.signals.signal_limits import LIMITS
@@ -59,7 +59,7 @@ def align_channels_on_grid(channels: Mapping[str, ChannelSamples], machine: Mach
         select_required_series(series), start, end, 1e9 / machine.settings.align.rate_hz
     )
     aligned = align_channels_at_instants(raw, series, grid, origin, machine)
-    return AlignedGrid(aligned, start + origin.latency_ns)
+    return AlignedGrid(build_frame("aligned", aligned), start + origin.latency_ns)
 
 
 class GridOrigin(NamedTuple):
@@ -97,7 +97,7 @@ def align_known_rows_on_causal_grid(
     after_ns: int,
     *,
     is_log_complete: bool,
-) -> pl.DataFrame:
+) -> ColumnArrays:
     """Rows of a causal grid that are known by now, the same as in the frame of the whole log.
 
     Args:
@@ -109,7 +109,7 @@ def align_known_rows_on_causal_grid(
             every channel has a sample that arrived at its time or later.
 
     Returns:
-        `aligned`, rows from `after_ns` on.
+        Columns of `aligned`, rows from `after_ns` on.
     """
     raw, series = _make_channel_and_regressor_series(channels, machine)
     needed = select_required_series(series)
@@ -146,8 +146,8 @@ def align_channels_at_instants(
     grid_instants_ns: Ints,
     origin: GridOrigin,
     machine: Machine,
-) -> pl.DataFrame:
-    """`aligned` at the given instants (rows,) of the grid."""
+) -> ColumnArrays:
+    """Columns of `aligned` at the given instants (rows,) of the grid."""
     is_causal = machine.settings.filter.causal
     chosen = (
         KnownInstants(series, grid_instants_ns, origin.latency_ns, machine) if is_causal else None
@@ -168,9 +168,7 @@ def align_channels_at_instants(
         if name not in HINTS:
             gap |= np.isnan(columns[name])
     columns = mounting.transfer_acceleration_to_origin(columns, machine.machine.imu)
-    return build_frame(
-        "aligned", {"t_ns": grid_instants_ns - origin.start_ns, **columns, "gap": gap}
-    )
+    return ColumnArrays(t_ns=grid_instants_ns - origin.start_ns, **columns, gap=gap)
 
 
 def list_alignment_notes(channels: Mapping[str, ChannelSamples], machine: Machine) -> list[str]:
