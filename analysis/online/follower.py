@@ -11,6 +11,7 @@ import polars as pl
 
 from analysis.model.axes import X
 from analysis.model.machine import Machine
+from analysis.model.schema import iter_row_batches
 from analysis.online.answer_progress import AnswerProgress, choose_target_uncertainty_kg
 from analysis.online.gate_state import GateRow, convert_cell_to_float
 from analysis.online.growing_log import GrowingLog, copy_machine_with_causal_filters
@@ -167,9 +168,8 @@ class Follower:
 
     def iter_complete_rows(self, *, is_log_complete: bool = False) -> Iterator[FollowedRow]:
         """Yield the complete rows, each as soon as it is processed; rows not consumed are lost."""
-        table = self.log.compute_new_excitation_rows(is_log_complete=is_log_complete)
-        for part in () if table is None else table.iter_slices(LIMITS.rows_stepped_at_once):
-            rows = part.rows(named=True)
+        columns = self.log.compute_new_excitation_columns(is_log_complete=is_log_complete)
+        for rows in iter_row_batches("excitation", columns, LIMITS.rows_stepped_at_once):
             state, _ = self._start_online_state_and_timeline()
             yield from map(self._note_step, rows, step_rows(state, rows))
         if is_log_complete and self._state is not None:

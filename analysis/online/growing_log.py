@@ -8,13 +8,14 @@ latency of a row) are determined from its first seconds and kept.
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import reduce
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from analysis.model.machine import Machine
-from analysis.model.schema import HINTS, build_frame
+from analysis.model.schema import HINTS
 from analysis.online.online_limits import LIMITS
 from analysis.stages.motion.forces import compute_excitation_columns
 from analysis.stages.motion.phases import count_rows_in_speed_rate_span
@@ -95,9 +96,11 @@ class GrowingLog:
     basis: LogBasis | None = None
     late_samples: int = 0
     _raw: dict[str, pl.DataFrame] = field(default_factory=dict)
-    #: samples not yet placed in time, which the next call of `compute_new_excitation_rows` uses
+    #: samples not yet placed in time, which `compute_new_excitation_columns` uses next
     _new: dict[str, list[pl.DataFrame]] = field(default_factory=dict)
     _last_t_ns: int = -1
+    #: time of the row from which old samples are dropped again
+    _next_drop_t_ns: int = -1
     #: newest stamp of the topic that was furthest behind when rows were last computed
     _awaited_unix_ns: int = -1
 
@@ -124,31 +127,33 @@ class GrowingLog:
         if samples.height:
             self._new.setdefault(topic, []).append(samples)
 
-    def compute_new_excitation_rows(self, *, is_log_complete: bool = False) -> pl.DataFrame | None:
-        """Compute the new rows of `excitation` that the samples so far determine.
+    def compute_new_excitation_columns(
+        self, *, is_log_complete: bool = False
+    ) -> Mapping[str, NDArray[Any] | pl.Series]:
+        """Compute the columns of the new rows of `excitation` that the samples so far determine.
 
         Args:
             is_log_complete: whether no further samples will come.
 
         Returns:
-            The rows; None without new ones.
+            Columns (rows,) of the new rows, NaN for null; empty without new ones.
         """
         if not (self._new or is_log_complete):
-            return None
+            return {}
         try:
             self._append_new_samples_to_kept()
             if self.basis is None and not self._determine_log_basis_if_possible(
                 is_log_complete=is_log_complete
             ):
-                return None
+                return {}
             if self._drop_samples_while_topic_is_missing() and not is_log_complete:
-                return None
-            return self._make_next_excitation_rows(is_log_complete=is_log_complete)
+                return {}
+            return self._make_next_excitation_columns(is_log_complete=is_log_complete)
         except DataError:
             # too few samples, or none that is finite: more may come
             if is_log_complete and self.basis is None:
                 raise
-            return None
+            return {}
 
     def _append_new_samples_to_kept(self) -> None:
         """Append the new samples to those kept."""
@@ -167,7 +172,7 @@ class GrowingLog:
         assert self.basis is not None
         if self._last_t_ns >= 0:
             known = self._last_t_ns + self.basis.t0_unix_ns
-            self.late_samples += int((frame["unix_ns"] <= known).sum())
+            self.late_samples += int(np.count_nonzero(frame["unix_ns"].to_numpy() <= known))
 
     def _add_unix_stamps(self, topic: str, frame: pl.DataFrame) -> pl.DataFrame:
         assert self.basis is not None
@@ -265,7 +270,9 @@ class GrowingLog:
             if after > first:
                 self._raw[topic] = pl.concat([frame[:first], frame[after:]], rechunk=True)
 
-    def _make_next_excitation_rows(self, *, is_log_complete: bool) -> pl.DataFrame | None:
+    def _make_next_excitation_columns(
+        self, *, is_log_complete: bool
+    ) -> Mapping[str, NDArray[Any] | pl.Series]:
         assert self.basis is not None
         machine = self.basis.machine
         settings = machine.settings
@@ -282,22 +289,26 @@ class GrowingLog:
         )
         t_ns = aligned["t_ns"]
         if not t_ns.size or t_ns[-1] <= self._last_t_ns:
-            return None
+            return {}
         smoothed = smooth_columns_by_trailing_mean(aligned, settings.smooth)
         columns = compute_excitation_columns(smoothed, machine)
         first = int(np.searchsorted(t_ns, self._last_t_ns, side="right"))
         self._last_t_ns = int(t_ns[-1])
         self._drop_old_samples()
-        return build_frame("excitation", {name: each[first:] for name, each in columns.items()})
+        return {name: each[first:] for name, each in columns.items()}
 
     def _drop_old_samples(self) -> None:
-        """Drop samples that no later row needs."""
+        """Drop samples that no later row needs, once a few have gathered."""
         assert self.basis is not None
+        if self._last_t_ns < self._next_drop_t_ns:
+            return
+        self._next_drop_t_ns = self._last_t_ns + round(LIMITS.dropped_s * 1e9)
         oldest = self._last_t_ns + self.basis.origin.start_ns - round(self._kept_s * 1e9)
         for topic, frame in self._raw.items():
             first = int(np.searchsorted(frame["unix_ns"].to_numpy(), oldest))
             first = max(0, min(first, frame.height - LIMITS.kept_min_samples))
-            self._raw[topic] = frame[first:]
+            # in one piece again: each look has added one
+            self._raw[topic] = frame[first:].rechunk()
 
 
 def concatenate_samples(frames: list[pl.DataFrame]) -> pl.DataFrame:

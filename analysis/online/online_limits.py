@@ -35,6 +35,8 @@ class OnlineLimits:
     #: Time in s of the samples kept before the last row: gaps end, and slow channels have
     #: neighbours.
     kept_s: float = 2.0
+    #: Time in s of old samples that are dropped at once, as dropping costs more than keeping them.
+    dropped_s: float = 0.25
     #: Cycles of the low-pass' cut-off after which nothing is left of where it began: 1e-40 of it.
     kept_low_pass_cycles: float = 40.0
     #: Samples of a topic that are kept, however slow it is.

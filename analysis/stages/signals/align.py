@@ -289,8 +289,10 @@ def find_long_gaps_ns(
         # in integers: a float holds unix time to a quarter of a microsecond only
         (int(t_ns[i]) + round(each.longest_ns), int(t_ns[i + 1]))
         for each in required_channels.values()
+        for least_ns in [each.longest_ns + longest_s * 1e9]
+        if max(end_ns, each.t_ns[-1]) - min(start_ns, each.t_ns[0]) > least_ns
         for t_ns in [pad_stamps_to_span(each.t_ns, start_ns, end_ns)]
-        for i in np.flatnonzero(np.diff(t_ns) > each.longest_ns + longest_s * 1e9)
+        for i in np.flatnonzero(np.diff(t_ns) > least_ns)
     )
 
 

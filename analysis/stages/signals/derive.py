@@ -265,11 +265,14 @@ def read_field_of_channel(
 def _read_field_numbers(
     name: str, channel: Channel, field: str, frame: pl.DataFrame
 ) -> filters.Floats:
-    dtype = frame[field].dtype
+    readings = frame[field]
+    dtype = readings.dtype
+    if dtype == pl.Float64:
+        return readings.to_numpy()
     if not (dtype.is_numeric() or dtype == pl.Boolean or dtype == pl.Null):
         where = f"{field} of {channel.topic or 'the table'}"
         raise DataError(f"{name}: {where} is {dtype}, not a number; choose another field")
-    return frame[field].cast(pl.Float64).to_numpy()
+    return readings.cast(pl.Float64).to_numpy()
 
 
 def select_usable_readings(
@@ -366,7 +369,7 @@ def find_known_times_of_samples_ns(
     Args:
         channels: channels as read.
         picked_channels: the same channels after the low-pass filter, if one is used.
-        series: the same in machine axes, and the derived channels.
+        series: the same in machine axes, and the derived channels, each after its sources.
         machine: machine file with delays and derived channels.
     """
     filtered: dict[str, filters.Ints] = {}
@@ -384,10 +387,9 @@ def find_known_times_of_samples_ns(
             for other in beside
         ]
         known[name] = filters.find_latest_times_ns(each) if each else own
-    for name in machine.order_channels_by_derivation():
+    for name, (at, _) in series.items():
         channel, sources = machine.channels[name], machine.channels[name].direct_source_channels
         if sources:
-            at = series[name][0]
             if channel.differentiated_channel:
                 at = at + 1  # a central difference waits for the next sample
             each = [

@@ -5,6 +5,7 @@ import polars as pl
 import pytest
 from polars.testing import assert_frame_equal
 
+from analysis.model.schema import build_frame
 from analysis.online.growing_log import GrowingLog, copy_machine_with_causal_filters
 from analysis.simulation import Scenario
 from estimators.errors import DataError
@@ -41,16 +42,16 @@ def take_in_pieces(topics: dict[str, pl.DataFrame], piece_s: float) -> tuple[pl.
     """Rows of a log that grows, and the most samples that it kept."""
     log = GrowingLog(copy_machine_with_causal_filters(load_machine("cat262c.toml")))
     first = min(int(frame["log_time_ns"][0]) for frame in topics.values())
-    rows, kept = list[pl.DataFrame](), 0
+    rows, kept = [], 0
     for end_s in np.arange(piece_s, LENGTH_S + piece_s, piece_s):
         until, since = first + end_s * 1e9, first + (end_s - piece_s) * 1e9
         for topic, frame in topics.items():
             is_new = pl.col("log_time_ns").is_between(since, until, closed="left")
             log.append_topic_samples(topic, frame.filter(is_new))
-        rows.append(log.compute_new_excitation_rows())
+        rows.append(log.compute_new_excitation_columns())
         kept = max(kept, log.kept_sample_count)
-    rows.append(log.compute_new_excitation_rows(is_log_complete=True))
-    return pl.concat(new for new in rows if new is not None), kept
+    rows.append(log.compute_new_excitation_columns(is_log_complete=True))
+    return pl.concat(build_frame("excitation", new) for new in rows if new), kept
 
 
 def time_s() -> pl.Expr:
@@ -92,7 +93,7 @@ def test_a_topic_that_never_comes_is_named_at_the_end(topics: dict[str, pl.DataF
         for topic in topics.keys() - {TOPIC}:
             is_new = time_s().is_between(start_s, start_s + PIECE_S, closed="left")
             log.append_topic_samples(topic, topics[topic].filter(is_new))
-        assert log.compute_new_excitation_rows() is None
+        assert not log.compute_new_excitation_columns()
     assert log.kept_sample_count < samples_of_live_topics(topics, 140.0)
     with pytest.raises(DataError, match=f"no message arrived on the topics {TOPIC}"):
-        log.compute_new_excitation_rows(is_log_complete=True)
+        log.compute_new_excitation_columns(is_log_complete=True)
