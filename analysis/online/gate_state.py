@@ -25,7 +25,7 @@ from analysis.stages.motion.phases import (
     compute_sign_of_yaw_rate_change,
     count_rows_in_speed_rate_span,
 )
-from estimators.arrays import Bools, Floats, Ints
+from estimators.arrays import Floats, Ints
 from estimators.methods.incremental import WindowState, compute_window_statistics_for_gate
 from estimators.methods.ls import WindowStatistics
 from estimators.numerics import nearest_neighbours
@@ -138,7 +138,7 @@ def judge_windows(
     """Judge the windows that end at successive rows; several cost little more than one.
 
     Args:
-        states: state after each row, by `append_row_without_decision`.
+        states: state after each row, by `append_rows_without_decision`.
         windows: window that ends at each row.
         settings: settings with window, thresholds and rejections.
         noise: (p + 1, p + 1) noise covariance of a row of [A f]; None if unknown.
@@ -197,56 +197,69 @@ def judge_windows(
     ]
 
 
-def append_row_without_decision(
-    state: GateState, window: WindowState, row: Mapping[str, Any], settings: Settings
-) -> GateState:
-    """State of the gate after this row, without a decision on its window."""
-    k, name = state.row + 1, row["phase"]
-    sample = window.z[:, -1]
-    axis, phase = state.axis, np.array([_CODES[name]], np.uint8)
-    known = name is not None
-    missing = not (np.isfinite(sample).all() and known)
-    brakes = slows = mark_braking_rows(phase)
-    slips = np.zeros(1, np.bool_)
+def append_rows_without_decision(
+    state: GateState,
+    windows: Sequence[WindowState],
+    rows: Sequence[Mapping[str, Any]],
+    settings: Settings,
+) -> list[GateState]:
+    """State of the gate after each of some successive rows, without a decision on its window."""
+    axis, count = state.axis, len(rows)
+    samples = np.array([window.z[:, -1] for window in windows])
+    phase = np.array([_CODES[row["phase"]] for row in rows], np.uint8)
+    missing = ~np.isfinite(samples).all(axis=1) | (phase == UNKNOWN)
+    slows = mark_braking_rows(phase)
+    slips = np.zeros(count, np.bool_)
     accelerations, yaw_rates = state.accelerations, state.yaw_rates
     if axis is X:
-        accelerations = (*accelerations[1:], _compute_forward_acceleration_m_s2(row))
-        slips = _is_slipping(row, accelerations, settings)
+        accelerations += tuple(_compute_forward_accelerations_m_s2(rows).tolist())
+        rates = _read_cells(rows, "speed_rate_x_m_s2")
+        slips = mark_slipping_samples(rates, np.array(accelerations), settings)
     else:
-        yaw_rates = (*yaw_rates[1:], convert_cell_to_float(row["yaw_rate_rad_s"]))
-        slows = compute_sign_of_yaw_rate_change(np.array(yaw_rates), settings)[-1:] < 0
+        yaw_rates += tuple(_read_cells(rows, "yaw_rate_rad_s").tolist())
+        slows = compute_sign_of_yaw_rate_change(np.array(yaw_rates), settings)[-count:] < 0
     flags = flag_rows_that_exclude_windows_by_reason(
-        axis, phase, sample[-1:], slows, slips, settings.gate
+        axis, phase, samples[:, -1], slows, slips, settings.gate
     )
-    happens = {"gap": missing, **{why: bool(flag[0]) for why, flag in flags.items()}}
-    kind = None
-    if known:
-        # manoeuvres have the same numbers on both axes
-        alone = name in TURNS or (settings.gate.exclude_braking and bool(brakes[0]))
-        kind = name if alone else ""
-    return state._replace(
-        row=k,
-        first_whole=k if state.first_whole is None and not missing else state.first_whole,
-        last={why: k if happens[why] else last for why, last in state.last.items()},
-        accelerations=accelerations,
-        yaw_rates=yaw_rates,
-        known=known,
-        kind=kind,
-        manoeuvre_id=state.manoeuvre_id + (known and kind != state.kind),
-    )
+    flagged = {"gap": missing.tolist(), **{why: flag.tolist() for why, flag in flags.items()}}
+    span, yaw_span = len(state.accelerations), len(state.yaw_rates)
+    states: list[GateState] = []
+    for number, row in enumerate(rows):
+        k, is_whole = state.row + 1, not flagged["gap"][number]
+        state = state._replace(
+            row=k,
+            first_whole=k if state.first_whole is None and is_whole else state.first_whole,
+            last={why: k if flagged[why][number] else last for why, last in state.last.items()},
+            accelerations=accelerations[number + 1 : number + 1 + span],
+            yaw_rates=yaw_rates[number + 1 : number + 1 + yaw_span],
+            **_number_manoeuvre(state, row["phase"], settings),
+        )
+        states.append(state)
+    return states
 
 
-def _is_slipping(
-    row: Mapping[str, Any], recent_accelerations: tuple[float, ...], settings: Settings
-) -> Bools:
-    rate = np.array([convert_cell_to_float(row["speed_rate_x_m_s2"])])
-    return mark_slipping_samples(rate, np.array(recent_accelerations), settings)
+def _number_manoeuvre(state: GateState, phase: str | None, settings: Settings) -> dict[str, Any]:
+    """Fields of the state that tell which manoeuvre the next row belongs to, by its phase."""
+    if phase is None:
+        return {"known": False, "kind": None}
+    # manoeuvres have the same numbers on both axes
+    alone = phase in TURNS or (settings.gate.exclude_braking and phase == "braking")
+    kind = phase if alone else ""
+    return {
+        "known": True,
+        "kind": kind,
+        "manoeuvre_id": state.manoeuvre_id + (kind != state.kind),
+    }
 
 
-def _compute_forward_acceleration_m_s2(row: Mapping[str, Any]) -> float:
-    pitch = np.array([convert_cell_to_float(row["pitch_rad"])]) if "pitch_rad" in row else None
-    measured = np.array([convert_cell_to_float(row.get("specific_force_x_m_s2"))])
-    return float(subtract_gravity(measured, pitch)[0])
+def _compute_forward_accelerations_m_s2(rows: Sequence[Mapping[str, Any]]) -> Floats:
+    pitch = _read_cells(rows, "pitch_rad") if "pitch_rad" in rows[0] else None
+    return subtract_gravity(_read_cells(rows, "specific_force_x_m_s2"), pitch)
+
+
+def _read_cells(rows: Sequence[Mapping[str, Any]], column: str) -> Floats:
+    """Cells (rows,) of a column; NaN where it is missing."""
+    return np.array([convert_cell_to_float(row.get(column)) for row in rows])
 
 
 def convert_cell_to_float(cell: float | None) -> float:

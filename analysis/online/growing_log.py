@@ -181,7 +181,7 @@ class GrowingLog:
         # column by column: for a few samples a query would cost more than everything else
         fields = [frame[name] for name in frame.columns if name not in _STAMPS]
         placed = pl.DataFrame([stamps.alias("unix_ns"), *fields])
-        if stamps.null_count() or (behind is None and (stamps == 0).any()):
+        if stamps.null_count() or (behind is None and not stamps.to_numpy().all()):
             placed = placed.filter(stamps.is_not_null() & ((stamps != 0) | (behind is not None)))
         return placed
 
@@ -307,8 +307,7 @@ class GrowingLog:
         for topic, frame in self._raw.items():
             first = int(np.searchsorted(frame["unix_ns"].to_numpy(), oldest))
             first = max(0, min(first, frame.height - LIMITS.kept_min_samples))
-            # in one piece again: each look has added one
-            self._raw[topic] = frame[first:].rechunk()
+            self._raw[topic] = frame[first:]
 
 
 def concatenate_samples(frames: list[pl.DataFrame]) -> pl.DataFrame:

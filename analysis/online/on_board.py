@@ -21,7 +21,7 @@ from analysis.model.settings import Settings
 from analysis.online.gate_state import (
     GateRow,
     GateState,
-    append_row_without_decision,
+    append_rows_without_decision,
     convert_cell_to_float,
     judge_windows,
     make_initial_gate_state,
@@ -240,15 +240,13 @@ def _step_axis(
     state: AxisState, rows: Sequence[Mapping[str, Any]]
 ) -> list[tuple[AxisState, AxisStep]]:
     """Process some rows on one axis; the state after each row, and its result."""
-    plan, window, gate = state.plan, state.window, state.gate
+    plan, window = state.plan, state.window
     windows: list[incremental.WindowState] = []
-    gates: list[GateState] = []
     for row in rows:
         sample = np.array([convert_cell_to_float(row.get(name)) for name in plan.columns])
         window = incremental.advance_window(window, sample)
-        gate = append_row_without_decision(gate, window, row, plan.settings)
         windows.append(window)
-        gates.append(gate)
+    gates = append_rows_without_decision(state.gate, windows, rows, plan.settings)
     stepped: list[tuple[AxisState, AxisStep]] = []
     judged = judge_windows(gates, windows, plan.settings, plan.noise.moving_mean_covariance)
     for row, window, gate, gate_row in zip(rows, windows, gates, judged, strict=True):

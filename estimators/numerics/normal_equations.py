@@ -5,8 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from estimators.arrays import Floats
+from estimators.interpreted import compiled_with_array_form
 from estimators.numerics.small_systems import (
     factor_packed_ldl,
+    find_packed_index,
     make_packed_index_table,
     solve_factored_in_place,
 )
@@ -40,8 +42,7 @@ def solve_packed_equations(products: Floats) -> Solution:
     return Solution(theta, L, inverse, np.maximum(rss, 0.0))
 
 
-def compute_residual_sums_of_squares(products: Floats, theta: Floats) -> Floats:
-    """Residual sums of squares (m,) for any θ (p, m): ff - 2 θᵀh + θᵀG θ."""
+def _compute_residual_sums_of_squares_vectorised(products: Floats, theta: Floats) -> Floats:
     p = len(theta)
     rows = make_packed_index_table(p + 1)
     rss = products[rows[p][p]].copy()
@@ -49,6 +50,22 @@ def compute_residual_sums_of_squares(products: Floats, theta: Floats) -> Floats:
         rss -= 2.0 * theta[i] * products[rows[i][p]]
         for j in range(p):
             rss += theta[i] * theta[j] * products[rows[i][j]]
+    return np.maximum(rss, 0.0)
+
+
+@compiled_with_array_form(_compute_residual_sums_of_squares_vectorised)
+def compute_residual_sums_of_squares(products: Floats, theta: Floats) -> Floats:
+    """Residual sums of squares (m,) for any θ (p, m): ff - 2 θᵀh + θᵀG θ."""
+    p, m = theta.shape
+    rss = products[find_packed_index(p, p, p + 1)].copy()
+    for i in range(p):
+        side = products[find_packed_index(i, p, p + 1)]
+        for k in range(m):
+            rss[k] -= 2.0 * theta[i, k] * side[k]
+        for j in range(p):
+            entry = products[find_packed_index(min(i, j), max(i, j), p + 1)]
+            for k in range(m):
+                rss[k] += theta[i, k] * theta[j, k] * entry[k]
     return np.maximum(rss, 0.0)
 
 

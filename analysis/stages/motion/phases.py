@@ -220,7 +220,7 @@ def label_by_first_condition(
     """
     # numbers, since rows of text are slow to make
     choices = _make_label_series((*conditions, default_label), labels)
-    return choices.gather(find_first_true_condition(list(conditions.values())))
+    return choices[find_first_true_condition(list(conditions.values()))]
 
 
 @cache
