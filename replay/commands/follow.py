@@ -135,7 +135,8 @@ def command(
         printer = ReportPrinter(outputs, panel, replays, as_json=as_json)
 
         def show_new_rows(following: FollowedLogState, rows: list[FollowedRow]) -> None:
-            digests.add_followed_rows(rows)
+            if output is not None:
+                digests.add_followed_rows(rows)
             printer.print_row_reports(following, rows)
             if change.has_file_changed():
                 print_message(

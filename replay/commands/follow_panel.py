@@ -2,6 +2,7 @@
 
 import json
 import sys
+import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
@@ -52,6 +53,7 @@ class FollowPanel:
         self._masses: deque[OnlineReport] = deque(maxlen=LIMITS.followed_manoeuvres)
         self._last: OnlineReport | None = None
         self._replay: ReplayReport | None = None
+        self._next_draw_s = 0.0
 
     def __enter__(self) -> Self:
         if self._live is not None:
@@ -78,12 +80,14 @@ class FollowPanel:
             self._replay = report
 
     def show_followed_log(self, following: FollowedLogState, reports: list[OnlineReport]) -> None:
-        """Show the state of a followed log."""
+        """Show the state of a followed log: as often as the panel is drawn, and at the end."""
         for report in reports:
             self._last = report
             if report.event == "manoeuvre":
                 self._masses.append(report)
-        if self._live is not None:
+        now_s = time.monotonic()
+        if self._live is not None and (now_s >= self._next_draw_s or following.end_reason):
+            self._next_draw_s = now_s + 1.0 / LIMITS.drawn_hz
             self._live.update(Group(*self._render_panel_parts(following)))
 
     def _render_panel_parts(self, following: FollowedLogState) -> list[Text | Table]:

@@ -32,7 +32,7 @@ class FollowLimits:
     # follow_logs
     #: Time in s between polls of the log: a row is late by at most this and the duration of a poll,
     #: 50 ms in all, and each poll with new data takes some milliseconds of processor time.
-    look_s: float = 0.04
+    look_s: float = 0.044
     #: Time in s without growth after which a log counts as ended, unless the caller says otherwise.
     idle_s: float = 10.0
 
