@@ -101,9 +101,9 @@ def find_starts_with_changed_resistance(
         stood = np.abs(speed) <= machine.settings.phases.standstill_speed_m_s
         stands = (stood | np.isnan(speed)) & ~drives
         ends = {way: np.flatnonzero(stands | (way * speed < 0.0)) for way in (-1, 0, 1)}
-        goes_on = np.flatnonzero(drives)
+        goes_on, stands_so_far = np.flatnonzero(drives), np.cumsum(stands)
         for start in split_driving_at_pauses_and_turns(drives, speed, machine.settings):
-            rows = select_longest_part_without_stop(start, stands)
+            rows = select_longest_part_without_stop(start, stands_so_far)
             way = int(np.sign(np.mean(speed[rows])))
             grown_N, std_N = estimate_resistance_growth_and_std(
                 np.column_stack([way * acceleration[rows], way * speed[rows]]),
@@ -223,16 +223,16 @@ def mark_slowing_before_driving(
     return marked
 
 
-def select_longest_part_without_stop(rows: Ints, is_standing: Bools) -> Ints:
+def select_longest_part_without_stop(rows: Ints, stands_so_far: Ints) -> Ints:
     """Select a stretch's longest part without a stop: after one in a pile, lifting lurches.
 
     A stretch whose parts are too short for a start stays whole.
 
     Args:
         rows: row numbers of the stretch.
-        is_standing: (n,) whether the machine stands.
+        stands_so_far: (n,) number of samples up to each row at which the machine stands.
     """
-    stops = np.flatnonzero(np.diff(np.cumsum(is_standing)[rows]) > 0) + 1
+    stops = np.flatnonzero(np.diff(stands_so_far[rows]) > 0) + 1
     longest = max(np.split(rows, stops), key=len)
     return longest if longest.size >= LIMITS.start_min_samples else rows
 
