@@ -109,9 +109,9 @@ def find_boom_dumps(
     reach = away / typical_rad
     out = whole & (reach > LIMITS.boom_out_fraction)
     stands = out & mark_standing_samples(excitation)
-    inside_ns = t_ns[whole & ~out]
+    inside_ns, standing_ns, standing_reach = t_ns[whole & ~out], t_ns[stands], reach[stands]
     spans = [
-        trim_span_to_standstills(span, t_ns[stands], reach[stands])
+        trim_span_to_standstills(span, standing_ns, standing_reach)
         for span in group_boom_out_times_into_dumps(
             t_ns[out & slow], inside_ns, t_ns[driving & (reach < LIMITS.boom_in_fraction)]
         )

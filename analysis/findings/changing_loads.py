@@ -224,8 +224,9 @@ def _select_significant_load_changes(inputs: FindingInputs) -> list[LoadGrowthRa
     limit = -NormalDist().inv_cdf(LIMITS.growth_false_alarm_probability / 2.0 / len(parts))
     found: list[LoadGrowthRate] = []
     for part in parts:
-        loads = taken[:, 0] < part[0] + LIMITS.longest_loading_s * motion.rate_hz
-        rows = np.flatnonzero((group == motion.stretch_of_sample[part[0]]) & loads)
+        stretch = motion.stretch_of_sample[part[0]]
+        rows = np.arange(*np.searchsorted(group, [stretch, stretch + 1]))
+        rows = rows[taken[rows, 0] < part[0] + LIMITS.longest_loading_s * motion.rate_hz]
         mine = taken[rows].ravel()
         t_s = (mine - part[0]) / motion.rate_hz
         grown = (

@@ -7,9 +7,10 @@ from estimators.arrays import Bools, Ints
 
 def flag_windows_with_flagged_rows(is_flagged: Bools, window: int) -> Bools:
     """Whether any of the `window` rows that end at each row is flagged, (rows,)."""
-    count = np.concatenate([[0], np.cumsum(is_flagged)])
-    start = np.maximum(np.arange(is_flagged.size) + 1 - window, 0)
-    return count[1:] > count[start]
+    count = np.cumsum(is_flagged)
+    has_flag = count > 0
+    has_flag[window:] = count[window:] > count[: max(count.size - window, 0)]
+    return has_flag
 
 
 def flag_rows_near_flagged_rows(is_flagged: Bools, after: int, before: int | None = None) -> Bools:

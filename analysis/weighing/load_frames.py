@@ -95,11 +95,13 @@ def _find_time_spans_of_states_ns(fit: JointFit, excitation: pl.DataFrame) -> li
     """First and last fitted sample of each load state, in ns."""
     states = fit.states
     assert states is not None
-    t_ns = excitation["t_ns"].to_numpy()
-    used = np.flatnonzero(fit.motion.is_fittable)
+    t_ns = excitation["t_ns"].to_numpy()[fit.motion.is_fittable]
     of = states.state_of_manoeuvre[index_manoeuvres_of_samples(fit, states)]
-    inside = (used[of == state] for state in range(fit.mass_count))
-    return [(int(t_ns[samples[0]]), int(t_ns[samples[-1]])) for samples in inside]
+    spans_ns = np.empty((fit.mass_count, 2), np.int64)
+    # if an element is assigned several times, the last value remains
+    spans_ns[of[::-1], 0] = t_ns[::-1]
+    spans_ns[of, 1] = t_ns
+    return [(first_ns, last_ns) for first_ns, last_ns in spans_ns.tolist()]
 
 
 def index_manoeuvres_of_samples(fit: JointFit, states: LoadStates) -> Ints:
