@@ -18,7 +18,7 @@ from estimators.numerics.in_order import sum_axis_in_order
 from estimators.numerics.numerics_limits import LIMITS
 
 #: Number of lags whose sums are accumulated side by side, each in its own order.
-_AT_ONCE = 16
+_AT_ONCE = 32
 #: Residuals in a block; if only some blocks are used, they are spread evenly over the log.
 _BLOCK: Final = 2048
 
