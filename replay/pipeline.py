@@ -185,6 +185,7 @@ def run(
     placed = _TopicChannels.from_topics(raw, machine)
     machine, chosen = choose_grid_rate_by_log(placed.read, machine)  # what no setting gives
     chosen = [*placed.notes, *chosen]
+    return_freed_memory_to_os()  # what decoding needed is half a gigabyte of a shift
     seen = _run_stages(raw, placed, machine, on_stage)
     del placed  # of a shift it is half a gigabyte
     weighing, excitation = seen.weighing, seen.frames["excitation"]
@@ -281,6 +282,7 @@ def _run_stages(
     gated = gate_windows(excitation, settings, noise)
     digs = find_digging_starts(excitation, machine)  # what pushes back is no mass
     gated = reject_windows_with_digging(gated, excitation, digs, machine)
+    return_freed_memory_to_os()
     on_stage("weigh")  # load states, and the joint fit: their masses, nuisances under priors
     stamps = topic_channels.stamp_label_by_topic
     seen = collect_raw_signals(raw_frames, stamps, read, machine)

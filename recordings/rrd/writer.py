@@ -13,6 +13,7 @@ import polars as pl
 from analysis.model.run_record import Run
 from analysis.model.schema import FRAMES
 from estimators.errors import OutputError, RecordingError
+from estimators.threads import return_freed_memory_to_os
 from recordings.report.atomic_output import require_writable_output, stage_output_file
 from recordings.report.finding_text import format_finding, read_findings_of_run
 from recordings.rrd.blueprint import (
@@ -147,6 +148,7 @@ def write_recording_with_scene(
     path = Path(path)
     live_viewer = LiveView(live_viewer) if isinstance(live_viewer, str) else live_viewer
     require_writable_recording(path, overwrites=overwrites)
+    return_freed_memory_to_os()  # of a shift's replay a gigabyte
     with stage_output_file(path, overwrites=overwrites) as partial:
         with open_piped_file(partial) as piped:
             _send_run_through_pipe(run, make_scene, piped, path, live_viewer)
