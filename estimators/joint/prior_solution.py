@@ -37,7 +37,7 @@ class WeightedNormalEquations:
     first column of G; G S⁻¹ = T / σ² with T = 1 - κ g e₁ᵀ, κ = ρ / (1 + ρ G₁₁) and ρ = τ² / σ².
 
     Attributes:
-        turns: (units, p, p) T.
+        regressions: (units, p) κ g, regression of the scores on the first one, due to τ.
         clean: (wide, wide) T G without column noise.
         gram: (wide, wide) T G with column noise.
         scatter: (wide, wide) covariance of the scores due to τ.
@@ -45,12 +45,20 @@ class WeightedNormalEquations:
         taken: (wide,) contribution of all column noise to the scores.
     """
 
-    turns: Floats
+    regressions: Floats
     clean: BorderedMatrix
     gram: BorderedMatrix
     scatter: BorderedMatrix
     bare: Floats
     taken: Floats
+
+    @property
+    def turns(self) -> Floats:
+        """(units, p, p) T."""
+        units, p = self.regressions.shape
+        turns = np.tile(np.eye(p), (units, 1, 1))
+        turns[:, :, 0] -= self.regressions
+        return turns
 
 
 def compute_weighted_normal_equations_of_units(
@@ -64,7 +72,7 @@ def compute_weighted_normal_equations_of_units(
     """Normal equations of all units, each weighted by the scatter about its level, (units,)."""
     sums = units.grams, units.crosses, units.noise_gram, units.noise_cross
     tau = intercept_shape.levels.scatter * intercept_shape.scale
-    turns, clean, gram, scatter, bare, taken = compute_weighted_normal_equation_parts(
+    regressions, clean, gram, scatter, bare, taken = compute_weighted_normal_equation_parts(
         sums,
         level_of_unit,
         intercept_shape.levels.level_count,
@@ -74,7 +82,12 @@ def compute_weighted_normal_equations_of_units(
         variance,
     )
     return WeightedNormalEquations(
-        turns, BorderedMatrix(*clean), BorderedMatrix(*gram), BorderedMatrix(*scatter), bare, taken
+        regressions,
+        BorderedMatrix(*clean),
+        BorderedMatrix(*gram),
+        BorderedMatrix(*scatter),
+        bare,
+        taken,
     )
 
 
@@ -104,7 +117,7 @@ def compute_weighted_normal_equation_parts(
     units, p, _ = grams.shape
     wide = level_count + p - 1
     k = p - 1
-    turns = np.zeros((units, p, p))
+    regressions = np.empty((units, p))
     clean_d, gram_d, scatter_d = np.zeros(level_count), np.zeros(level_count), np.zeros(level_count)
     clean_r, gram_r, scatter_r = (
         np.zeros((level_count, k)),
@@ -129,13 +142,11 @@ def compute_weighted_normal_equation_parts(
                 g[i, j] = grams[u, i, j] - subtracted_noise_fraction * noise_gram[u, i, j]
         weight = ratio / (1.0 + ratio * max(g[0, 0], 0.0))
         full = ratio / (1.0 + ratio * grams[u, 0, 0])
-        for i in range(p):
-            turns[u, i, i] = 1.0
         first = -noise_cross[u, 0]
         for j in range(p):
             first += noise_gram[u, 0, j] * own[j]
         for i in range(p):
-            turns[u, i, 0] -= weight * g[i, 0]
+            regressions[u, i] = weight * g[i, 0]
             moved[i] = g[i, 0] - weight * g[i, 0] * g[0, 0]
         for i in range(p):
             lost = weight * g[i, 0]
@@ -161,7 +172,7 @@ def compute_weighted_normal_equation_parts(
                 gram_c[i, j] += grams[u, i + 1, j + 1] - gone * grams[u, j + 1, 0]
                 scatter_c[i, j] += heavy * moved[i + 1] * moved[j + 1]
     return (
-        turns,
+        regressions,
         (clean_d, clean_r, clean_b, clean_c),
         (gram_d, gram_r, gram_b, gram_c),
         (scatter_d, scatter_r, scatter_b, scatter_c),
