@@ -174,9 +174,11 @@ class GroupSums:
     ) -> Self:
         """Sum the products of the columns, divided by (p,) `scale`, by group."""
         rows, square = list_rows_by_group(group), np.outer(scale, scale)
-        own = [convert_consecutive_rows_to_slice(part) for part in rows]
-        grams = np.stack([A[part].T @ A[part] for part in own]) / square
-        crosses = np.stack([A[part].T @ f[part] for part in own]) / scale
+        grams, crosses = np.empty((len(rows), *square.shape)), np.empty((len(rows), scale.size))
+        for number, part in enumerate(map(convert_consecutive_rows_to_slice, rows)):
+            # both while the group's columns are in the cache
+            grams[number], crosses[number] = A[part].T @ A[part], A[part].T @ f[part]
+        grams, crosses = grams / square, crosses / scale
         if noise is None:
             return cls(rows, grams, crosses, np.zeros_like(grams), np.zeros_like(crosses))
         return cls(rows, grams, crosses, noise.gram / square, noise.cross / scale)
