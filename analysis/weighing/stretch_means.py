@@ -6,9 +6,9 @@ from typing import Final
 import numpy as np
 
 from analysis.weighing.motion_samples import Floats, Ints
-from estimators.interpreted import compiled_unless_short_log
+from estimators.interpreted import compiled_unless_short_log, compiled_with_array_form
 from estimators.numerics.fit_loss import list_rows_by_group
-from estimators.numerics.in_order import sum_in_order
+from estimators.numerics.in_order import sum_axis_in_order
 
 #: Samples in a mean; stretches shorter than ten means are not compared.
 MEAN: Final = 10
@@ -21,17 +21,34 @@ def compute_overlapping_means(samples: Floats) -> Floats:
     """Overlapping means (means,) of `MEAN` samples, one every `EVERY`."""
     out = np.empty((samples.size - MEAN) // EVERY + 1)
     for i in range(out.size):
-        out[i] = sum_in_order(samples[i * EVERY : i * EVERY + MEAN]) / MEAN
+        total = 0.0
+        for k in range(i * EVERY, i * EVERY + MEAN):
+            total += samples[k]
+        out[i] = total / MEAN
     return out
 
 
-@compiled_unless_short_log
+def _subtract_fitted_line_vectorised(values: Floats) -> Floats:
+    ramp = np.arange(values.size) - (values.size - 1) / 2.0
+    along, square, total = sum_axis_in_order(np.stack([ramp * values, ramp * ramp, values]), 1)
+    return values - total / values.size - along / square * ramp
+
+
+@compiled_with_array_form(_subtract_fitted_line_vectorised)
 def subtract_fitted_line(values: Floats) -> Floats:
     """Residual (n,) of a linear fit."""
-    middle = (values.size - 1) / 2.0
-    ramp = np.arange(values.size) - middle
-    slope = sum_in_order(ramp * values) / sum_in_order(ramp * ramp)
-    return values - sum_in_order(values) / values.size - slope * ramp
+    n = values.size
+    middle = (n - 1) / 2.0
+    along = square = total = 0.0
+    for k in range(n):
+        along += (k - middle) * values[k]
+        square += (k - middle) * (k - middle)
+        total += values[k]
+    slope, mean = along / square, total / n
+    out = np.empty(n)
+    for k in range(n):
+        out[k] = values[k] - mean - slope * (k - middle)
+    return out
 
 
 def make_constant_and_slope_of_each_stretch(stretch_of_row: Ints) -> Floats:
