@@ -102,7 +102,7 @@ def mark_stamps_of_jolts(inputs: FindingInputs, channel: str, unix_ns: Ints, sig
     """Whether force and acceleration jump together at each stamp, (k,), as at a knock."""
     topic = inputs.machine.channels[channel].topic
     felt = np.zeros(unix_ns.size, np.bool_)
-    if channel not in _FELT:
+    if channel not in _FELT or not unix_ns.size:
         return felt
     for other in inputs.select_measured_channels(*_FELT):
         t, x = inputs.unfiltered_readings[other]
