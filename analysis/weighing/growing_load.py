@@ -182,6 +182,7 @@ def find_manoeuvres_with_growing_load(
     """
     if fit.states is None or not np.isfinite(fit.solution.residual_rms):
         return ()
+    fit.solution.compute_uncertainty_and_release_samples()
     motion = fit.motion if motion is None else motion
     rows = average_and_weight_fit_columns(
         motion, noise, fit.terms, fit.samples_per_mean, fit.previous_estimates
