@@ -101,7 +101,7 @@ def find_starts_with_changed_resistance(
         stood = np.abs(speed) <= machine.settings.phases.standstill_speed_m_s
         stands = (stood | np.isnan(speed)) & ~drives
         ends = {way: np.flatnonzero(stands | (way * speed < 0.0)) for way in (-1, 0, 1)}
-        goes_on, stands_so_far = np.flatnonzero(drives), np.cumsum(stands)
+        goes_on, stands_so_far = np.flatnonzero(drives), np.cumsum(stands, dtype=np.int64)
         for start in split_driving_at_pauses_and_turns(drives, speed, machine.settings):
             rows = select_longest_part_without_stop(start, stands_so_far)
             way = int(np.sign(np.mean(speed[rows])))

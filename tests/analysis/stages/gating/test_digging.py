@@ -233,7 +233,7 @@ def test_what_lurches_after_a_stop_is_not_judged() -> None:
     rows = np.concatenate([np.arange(10, 90), np.arange(100, 108)])
     stands = np.zeros(120, np.bool_)
     stands[90:100] = True
-    so_far = np.cumsum(stands)
+    so_far = np.cumsum(stands, dtype=np.int64)
     assert select_longest_part_without_stop(rows, so_far).tolist() == list(range(10, 90))
     # parts too short for a start are judged together
     assert select_longest_part_without_stop(rows[76:], so_far).tolist() == rows[76:].tolist()
