@@ -128,8 +128,9 @@ def add_hauls_without_usable_start(
 ) -> list[CycleParts]:
     """Add the hauls whose manoeuvres are all excluded from the fit; of digging, fill in the haul.
 
-    Such a manoeuvre is nearer to the loaded passes by its own mass, lies within an empty one, and
-    is a usual cycle away from the other hauls, as its own mass is as doubtful as its load.
+    Such a manoeuvre is nearer to the loaded passes by its own mass, lies within an empty one or
+    before all of them, and is a usual cycle away from the other hauls, as its own mass is as
+    doubtful as its load.
 
     Args:
         cycle_parts: cycles by the masses, with their dumps.
@@ -150,16 +151,16 @@ def add_hauls_without_usable_start(
     for each in load_changes:
         first_ns, last_ns = int(t_ns[each.first]), int(t_ns[each.last])
         number = int(np.searchsorted(passes.start_ns, first_ns)) - 1
-        is_within_empty_pass = (
-            number >= 0 and not passes.loaded[number] and last_ns < passes.end_ns[number]
+        is_while_empty = number < 0 or (
+            not passes.loaded[number] and last_ns < passes.end_ns[number]
         )
         is_apart = bool((np.abs(hauls_ns - first_ns) > apart_ns).all())
-        if is_within_empty_pass and is_apart and each.mean_mass_kg > min_kg:
+        if is_while_empty and is_apart and each.mean_mass_kg > min_kg:
             after = int(np.searchsorted(start_ns, first_ns))
             hauls[after] = (hauls.get(after, (first_ns, 0))[0], last_ns)
     found = [*cycle_parts]
     for after, (first_ns, last_ns) in hauls.items():
-        since_ns = int(start_ns[after - 1])
+        since_ns = int(start_ns[after - 1]) if after else 0
         part = next(
             (
                 each

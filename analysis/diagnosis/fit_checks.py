@@ -64,9 +64,8 @@ def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
             out.append(Disagreement(method, np.inf, contradicted=True))
             continue
         deviations = difference_kg / float(np.hypot(std_kg, fit.u_kg))
-        far = abs(deviations) > LIMITS.contradicting_std and abs(
-            difference_kg
-        ) > LIMITS.contradicting_fraction * abs(fit.mass_kg)
+        far = abs(difference_kg) > LIMITS.contradicting_fraction * abs(fit.mass_kg)
+        far = far and abs(deviations) > LIMITS.contradicting_std
         misses = shows and abs(difference_kg) + fit.u_kg > 1.96 * std_kg
         out.append(Disagreement(method, float(deviations), contradicted=far or misses))
     return out
@@ -144,8 +143,9 @@ def _describe_remedy_of_term_beyond_prior(inputs: CheckInputs, _motion: AxisMoti
     keys = next((each.prior_keys for each in NUISANCES if each.name == name), ())
     if not keys or widths <= inputs.machine.settings.verdict.beyond_prior_max:
         return ""
-    settings = " or ".join(f"settings.priors.{key}" for key in keys)
-    return f"correct the cause that findings name; if it really is so large, widen {settings}"
+    wider = " or ".join(f"settings.priors.{key}" for key in keys)
+    ground = "" if "pitch_rad" in inputs.machine.channels else "on uneven ground, give a pitch; "
+    return f"correct the cause that findings name; {ground}if it is really so large, widen {wider}"
 
 
 def _describe_remedy_without_pitch(inputs: CheckInputs, _motion: AxisMotion) -> str:

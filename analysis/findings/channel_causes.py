@@ -350,16 +350,17 @@ def find_turns_without_yaw_rate(inputs: FindingInputs) -> list[Symptom]:
     slope = max(float(scrub @ left_N) / max(float(scrub @ scrub), _LEAST), 0.0)
     explained_1 = slope * float(scrub @ left_N) / max(float(left_N @ left_N), _LEAST)
     mean_N = slope * float(np.abs(difference).mean())
+    by_speeds = f"({SPEEDS[1]} - {SPEEDS[0]}) / track_width_m"
     return [
         Symptom(
             explained_1 / LIMITS.turn_explained_1,
             f"the resistance grows with the difference of the two sides' speeds, by {mean_N:.0f} N "
             f"on average, which is {explained_1:.0%} of the variance that the fit leaves; without "
-            "a yaw rate, curves are fitted as straight drives"
-            + ("" if width_m else "; the two speeds give one if machine.track_width_m is stated"),
+            f"a yaw rate, curves are fitted as straight drives; {_YAW_RATE} = {by_speeds} excludes "
+            "them" + ("" if width_m else ", if machine.track_width_m is stated"),
             channel=SPEEDS[0],
             setting=f"channels.{_YAW_RATE}.derive" if width_m else None,
-            value=f'"({SPEEDS[1]} - {SPEEDS[0]}) / track_width_m"' if width_m else None,
+            value=f'"{by_speeds}"' if width_m else None,
         )
     ]
 

@@ -5,7 +5,7 @@ of its declared columns, in the declared order; `raw/<topic>` contains the stamp
 topic.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -13,6 +13,8 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 from polars.datatypes import DataTypeClass
+
+from analysis.model.column_arrays import ColumnArrays
 
 PHASES: Final = ("standstill", "accelerating", "cruising", "braking", "spinning", "arc", "turning")
 REASONS: Final = (
@@ -974,42 +976,6 @@ def _make_declared_series(name: str, column: NDArray[Any] | pl.Series) -> pl.Ser
     # numpy shows nulls as NaN, and checks for them faster than a query of polars
     may_have_nan = named.dtype.is_float() and bool(np.isnan(named.to_numpy()).any())
     return named.fill_nan(None) if may_have_nan else named
-
-
-def iter_row_batches(
-    frame_name: str, columns: Mapping[str, NDArray[Any] | pl.Series], most_rows: int
-) -> Iterator[list[dict[str, Any]]]:
-    """Yield the rows of the frame that `build_frame` makes, at most `most_rows` at once."""
-    names = [each.name for each in find_frame_declaration(frame_name).columns]
-    chosen = {name: columns[name] for name in names if name in columns}
-    row_count = len(next(iter(chosen.values()), ()))
-    for first in range(0, row_count, most_rows):
-        cells = (_list_cells(column[first : first + most_rows]) for column in chosen.values())
-        yield [dict(zip(chosen, row, strict=True)) for row in zip(*cells, strict=True)]
-
-
-def _list_cells(column: NDArray[Any] | pl.Series) -> list[Any]:
-    """Cells of a column (rows,), None for NaN."""
-    if isinstance(column, pl.Series):
-        return column.to_list()
-    return [None if cell != cell else cell for cell in column.tolist()]
-
-
-class ColumnArrays(dict[str, NDArray[Any]]):
-    """Columns of a frame as arrays (rows,), with NaN for null.
-
-    Of a few rows, as while following a log, a frame costs more than what is computed from it.
-    """
-
-    @property
-    def columns(self) -> list[str]:
-        """Names of the columns."""
-        return [*self]
-
-    @property
-    def height(self) -> int:
-        """Number of rows."""
-        return next(iter(self.values())).size
 
 
 def get_column_values(frame: pl.DataFrame | ColumnArrays, column: str) -> NDArray[np.float64]:

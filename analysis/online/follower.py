@@ -8,10 +8,11 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import polars as pl
+from numpy.typing import NDArray
 
 from analysis.model.axes import X
 from analysis.model.machine import Machine
-from analysis.model.schema import iter_row_batches
+from analysis.model.schema import FRAMES
 from analysis.online.answer_progress import AnswerProgress, choose_target_uncertainty_kg
 from analysis.online.gate_state import GateRow, convert_cell_to_float
 from analysis.online.growing_log import GrowingLog, copy_machine_with_causal_filters
@@ -169,7 +170,7 @@ class Follower:
     def iter_complete_rows(self, *, is_log_complete: bool = False) -> Iterator[FollowedRow]:
         """Yield the complete rows, each as soon as it is processed; rows not consumed are lost."""
         columns = self.log.compute_new_excitation_columns(is_log_complete=is_log_complete)
-        for rows in iter_row_batches("excitation", columns, LIMITS.rows_stepped_at_once):
+        for rows in iter_excitation_rows(columns, LIMITS.rows_stepped_at_once):
             state, _ = self._start_online_state_and_timeline()
             yield from map(self._note_step, rows, step_rows(state, rows))
         if is_log_complete and self._state is not None:
@@ -304,3 +305,22 @@ class Follower:
             spin_age_s=None if spun is None else (t_ns - spun.t_ns) / 1e9,
             spins=self.spins,
         )
+
+
+def iter_excitation_rows(
+    columns: Mapping[str, NDArray[Any] | pl.Series], most_rows: int
+) -> Iterator[list[dict[str, Any]]]:
+    """Yield the rows of the frame `excitation` with these columns, at most `most_rows` at once."""
+    names = [each.name for each in FRAMES["excitation"].columns]
+    chosen = {name: columns[name] for name in names if name in columns}
+    row_count = len(next(iter(chosen.values()), ()))
+    for first in range(0, row_count, most_rows):
+        cells = (_list_cells(column[first : first + most_rows]) for column in chosen.values())
+        yield [dict(zip(chosen, row, strict=True)) for row in zip(*cells, strict=True)]
+
+
+def _list_cells(column: NDArray[Any] | pl.Series) -> list[Any]:
+    """Cells of a column (rows,), None for NaN."""
+    if isinstance(column, pl.Series):
+        return column.to_list()
+    return [None if cell != cell else cell for cell in column.tolist()]

@@ -249,7 +249,8 @@ def find_manoeuvres_with_growing_load(
     return tuple(
         LoadChangeInMotion(
             int(number[k]),
-            *(int(each) for each in used[of_sample == number[k]][[0, -1]]),
+            int(used[of_sample == number[k]][0]),
+            int(used[of_sample == number[k]][-1]),
             float(state_mass_kg[k] + offset_kg[k]),
             float(kg[k]),
             float(std_kg[k]),

@@ -7,9 +7,10 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.model.axes import YAW_COLUMNS
+from analysis.model.column_arrays import ColumnArrays
 from analysis.model.machine import Machine
 from analysis.model.machine_body import Body
-from analysis.model.schema import FRAMES, ColumnArrays, build_frame, get_column_values
+from analysis.model.schema import FRAMES, build_frame, get_column_values
 from analysis.stages.motion.phases import classify_motion_phases, compute_trailing_speed_rate
 from estimators.arrays import Floats
 

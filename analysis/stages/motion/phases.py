@@ -12,7 +12,8 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.model.schema import PHASE, ColumnArrays, get_column_values
+from analysis.model.column_arrays import ColumnArrays
+from analysis.model.schema import PHASE, get_column_values
 from analysis.model.settings import Settings
 from analysis.model.windows import find_flagged_runs, flag_windows_with_flagged_rows
 from analysis.stages.motion.smooth import compute_trailing_mean

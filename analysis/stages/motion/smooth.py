@@ -4,7 +4,8 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.model.schema import ColumnArrays, build_frame, get_column_values
+from analysis.model.column_arrays import ColumnArrays
+from analysis.model.schema import build_frame, get_column_values
 from analysis.model.settings import SmoothSettings
 
 

@@ -8,8 +8,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.model.column_arrays import ColumnArrays
 from analysis.model.machine import Machine
-from analysis.model.schema import HINTS, ColumnArrays, build_frame
+from analysis.model.schema import HINTS, build_frame
 from analysis.stages.signals import filters, mounting, rates
 from analysis.stages.signals.rates import ChannelSamples, ChannelSeries
 from analysis.stages.signals.signal_limits import LIMITS

@@ -269,3 +269,17 @@ def test_a_haul_that_is_excluded_from_the_fit_is_a_cycle_without_a_mass(
     assert [part.missing_mass_reason for part in hauls if part.loaded_pass is None] == [
         "no usable start with this load"
     ] * (cycles - len(LOADS) + 1)
+
+
+def test_a_first_haul_that_is_excluded_is_a_cycle_though_no_empty_drive_is_before_it() -> None:
+    """Two machines that are filled while they creep lost a tenth of their tonnes."""
+    frames = drawn_shift(LOADS, digs=False, unseen=(0,))
+    frames["manoeuvres"] = frames["manoeuvres"].filter(pl.col("start_t_ns") > 100 * NS)
+    t_ns = frames["excitation"]["t_ns"].to_numpy()
+    first, last = (int(np.searchsorted(t_ns, s * NS)) for s in (50.0, 65.0))
+    excluded = LoadChangeInMotion(0, first, last, 4300.0, 500.0, 80.0)
+    passes = find_load_passes(frames["loads"], frames["manoeuvres"], frames["digging"])
+    assert passes is not None
+    parts, _ = find_cycle_parts(passes, frames, [excluded], adds_boom=True)
+    assert len(parts) == len(LOADS)
+    assert parts[0].haul_ns == (50 * NS, 65 * NS)
