@@ -172,10 +172,7 @@ def _describe_fit_by_other_motion_sensor(inputs: CheckInputs, _motion: AxisMotio
     if weighing is None or weighing.other_motion is None:
         return ""
     one = "wheels" if weighing.fit.motion.by_accelerometer else "accelerometer"
-    other = weighing.other_motion
-    change_over_u = other.mass_shift_over_uncertainty
-    change = f"{other.kg:+.0f} kg ({change_over_u:.1f} standard uncertainties)"
-    return f"with the {one} alone the mass changes by {change}"
+    return f"with the {one} alone {weighing.other_motion.effect_text}"
 
 
 def _count_methods_contradicted_by_joint_fit(inputs: CheckInputs, _motion: AxisMotion) -> float:

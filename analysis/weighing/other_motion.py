@@ -1,10 +1,12 @@
 """The answer with the other acceleration: wheels instead of accelerometer, or vice versa.
 
-Wheels and accelerometer that disagree describe two motions of one machine. The log does not show
-which is wrong, but a refit with the other acceleration shows whether it matters.
+Wheels and accelerometer that disagree describe two motions of one machine. A refit with the other
+acceleration shows whether it matters. If it leaves far more of the force unexplained, the force
+tells which is wrong: on hills it sees gravity, as the accelerometer does and the wheels do not.
 """
 
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -14,6 +16,10 @@ from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.weighing_limits import LIMITS
 
+#: Ratio of the residual forces from which the force refutes the other sensor: 5 to 7 for wheels on
+#: hills of 2 %, about 1 where both sensors are right.
+REFUTED_RESIDUAL_RATIO: Final = 2.0
+
 
 @dataclass(frozen=True, slots=True)
 class AlternativeMotion:
@@ -22,15 +28,32 @@ class AlternativeMotion:
     Attributes:
         kg: mass by the acceleration of the other sensor minus the mass of the answer.
         u_kg: standard uncertainty of the change; too large, as it counts the shared priors twice.
+        residual_ratio: r.m.s. of the residual force with the other sensor over that of the answer.
     """
 
     kg: float
     u_kg: float
+    residual_ratio: float = 1.0
 
     @property
     def mass_shift_over_uncertainty(self) -> float:
-        """Change of the mass in standard uncertainties; infinite if the refit has no mass."""
+        """Change of the mass in standard uncertainties; infinite if the refit has no mass.
+
+        0 if the force refutes the other sensor, whose mass then tells nothing of the answer.
+        """
+        if self.residual_ratio > REFUTED_RESIDUAL_RATIO:
+            return 0.0
         return abs(self.kg) / self.u_kg if np.isfinite(self.kg) else float("inf")
+
+    @property
+    def effect_text(self) -> str:
+        """What the other sensor alone does to the answer, in words that follow its name."""
+        if self.residual_ratio > REFUTED_RESIDUAL_RATIO:
+            return f"the residual force is {self.residual_ratio:.1f} times as large"
+        return (
+            f"the mass changes by {self.kg:+.0f} kg "
+            f"({self.mass_shift_over_uncertainty:.1f} standard uncertainties)"
+        )
 
 
 def compute_wheel_imu_disagreement_over_speed(fit: JointFit) -> float:
@@ -69,7 +92,11 @@ def refit_with_acceleration_of_other_sensor(
     )
     of_other = _OtherMotionNoise(noise, motion.rate_hz, by_wheels=by_wheels)
     found = fit_jointly(JointFitInputs.prepare_from_motion(other, of_other, priors), fit.states)
-    return AlternativeMotion(found.mass_kg - fit.mass_kg, float(np.hypot(found.u_kg, fit.u_kg)))
+    return AlternativeMotion(
+        found.mass_kg - fit.mass_kg,
+        float(np.hypot(found.u_kg, fit.u_kg)),
+        found.solution.residual_rms / max(fit.solution.residual_rms, 1e-9),
+    )
 
 
 def _differentiate_wheel_speed(motion: MotionSamples) -> Floats:

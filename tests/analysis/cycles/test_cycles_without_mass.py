@@ -249,16 +249,10 @@ def test_a_haul_that_is_excluded_from_the_fit_is_a_cycle_without_a_mass(
     frames = drawn_shift(LOADS, digs=False, unseen=(3,))
     frames["digging"] = drawn_shift(LOADS, digs=digs, unseen=(3,))["digging"]
     t_ns = frames["excitation"]["t_ns"].to_numpy()
+    spans = np.searchsorted(t_ns, [((300.0 + at) * NS, (308.0 + at) * NS) for at in at_s])
     excluded = [
-        LoadChangeInMotion(
-            0,
-            *(int(np.searchsorted(t_ns, s * NS)) for s in (300.0 + at, 308.0 + at)),
-            mass_kg,
-            -2000.0,
-            300.0,
-            is_possible=False,
-        )
-        for at in at_s
+        LoadChangeInMotion(0, int(first), int(last), mass_kg, -2000.0, 300.0, is_possible=False)
+        for first, last in spans
     ]
     passes = find_load_passes(frames["loads"], frames["manoeuvres"], frames["digging"])
     assert passes is not None
