@@ -30,8 +30,6 @@ from estimators.arrays import Floats
 #: Causes that a dead channel explains.
 _OF_DEAD: Final = ("unsigned", "offset")
 _YAW_RATE: Final = "yaw_rate_rad_s"
-#: Divisor in place of 0.
-_LEAST: Final = 1e-30
 _CHANNELS: Final = {"torque": TORQUES, "speed": SPEEDS, "slip": SPEEDS}
 
 
@@ -347,8 +345,10 @@ def find_turns_without_yaw_rate(inputs: FindingInputs) -> list[Symptom]:
     scrub, left_N = (
         x - A @ np.linalg.lstsq(A, x)[0] for x in (direction * np.abs(difference), resistance_N)
     )
-    slope = max(float(scrub @ left_N) / max(float(scrub @ scrub), _LEAST), 0.0)
-    explained_1 = slope * float(scrub @ left_N) / max(float(left_N @ left_N), _LEAST)
+    if not (scrub.any() and left_N.any()):
+        return []
+    slope = max(float(scrub @ left_N) / float(scrub @ scrub), 0.0)
+    explained_1 = slope * float(scrub @ left_N) / float(left_N @ left_N)
     mean_N = slope * float(np.abs(difference).mean())
     by_speeds = f"({SPEEDS[1]} - {SPEEDS[0]}) / track_width_m"
     return [

@@ -18,6 +18,7 @@ from typing import Final
 
 import numpy as np
 
+from analysis.weighing.body_limits import LIMITS
 from analysis.weighing.fit_columns import RelativeLoads
 from analysis.weighing.fitted_stretches import find_stretch_spans
 from analysis.weighing.haul_route import HaulRoute
@@ -31,7 +32,6 @@ from analysis.weighing.pitch_squat import (
     sum_products_of_pitch_gravity_and_speed,
 )
 from analysis.weighing.uneven_ground import compute_relative_random_walk_std
-from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics
 from estimators.numerics.autocorrelation import compute_student_to_normal_ratio
 

@@ -24,11 +24,11 @@ from typing import Final, Self
 import numpy as np
 
 from analysis.stages.signals.grid_rate import count_rows_in_duration
+from analysis.weighing.body_limits import LIMITS
 from analysis.weighing.fitted_stretches import find_stretch_spans
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
 from analysis.weighing.pitch_squat import estimate_by_instrumental_variables_with_covariance
 from analysis.weighing.stretch_means import EVERY, MEAN, compute_overlapping_means
-from analysis.weighing.weighing_limits import LIMITS
 from estimators.interpreted import compiled_unless_short_log
 from estimators.numerics.in_order import sum_in_order
 

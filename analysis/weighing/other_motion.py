@@ -6,7 +6,6 @@ tells which is wrong: on hills it sees gravity, as the accelerometer does and th
 """
 
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 
@@ -15,10 +14,6 @@ from analysis.weighing.joint_fit import JointFitInputs, fit_jointly
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.weighing_limits import LIMITS
-
-#: Ratio of the residual forces from which the force refutes the other sensor: 5 to 7 for wheels on
-#: hills of 2 %, about 1 where both sensors are right.
-REFUTED_RESIDUAL_RATIO: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,14 +36,14 @@ class AlternativeMotion:
 
         0 if the force refutes the other sensor, whose mass then tells nothing of the answer.
         """
-        if self.residual_ratio > REFUTED_RESIDUAL_RATIO:
+        if self.residual_ratio > LIMITS.refuted_residual_ratio:
             return 0.0
         return abs(self.kg) / self.u_kg if np.isfinite(self.kg) else float("inf")
 
     @property
     def effect_text(self) -> str:
         """What the other sensor alone does to the answer, in words that follow its name."""
-        if self.residual_ratio > REFUTED_RESIDUAL_RATIO:
+        if self.residual_ratio > LIMITS.refuted_residual_ratio:
             return f"the residual force is {self.residual_ratio:.1f} times as large"
         return (
             f"the mass changes by {self.kg:+.0f} kg "

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from analysis.weighing.body_limits import LIMITS
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
 from analysis.weighing.stretch_means import EVERY, MEAN, compute_overlapping_means
-from analysis.weighing.weighing_limits import LIMITS
 from estimators.numerics.fit_loss import list_rows_by_group
 
 

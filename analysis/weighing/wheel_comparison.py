@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
+from analysis.weighing.body_limits import LIMITS as BODY_LIMITS
 from analysis.weighing.body_swing import (
     BodySwing,
     estimate_body_swing,
@@ -174,7 +175,7 @@ def compare_wheels_after_squat_correction(
     )
     if even is None or even.is_gain_significant:
         return comparison
-    unexplained_m_s = LIMITS.squat_residual_ratio * comparison.disagreement_m_s
+    unexplained_m_s = BODY_LIMITS.squat_residual_ratio * comparison.disagreement_m_s
     if not even.is_consistent and even.disagreement_m_s > unexplained_m_s:
         return comparison
     u = float(np.linalg.norm([comparison.gain[1], radius_u_1, LIMITS.speed_scale_squat_u * share]))
