@@ -110,7 +110,7 @@ def compute_shift_energy(
         frames: frames of the run: aligned, excitation, digging, cycles, manoeuvres, loads,
             nuisances, budget.
         machine: machine of the replay.
-        long_gaps_ns: see `cycles_without_mass.find_spans_of_missing_channels_ns`.
+        long_gaps_ns: see `cycles_lost_in_gaps.find_spans_of_missing_channels_ns`.
 
     Returns:
         The energies; without rows if there is no mass or no cycle.

@@ -355,7 +355,7 @@ def summarise_cycle_motion(
     Args:
         cycles: the frame `cycles`.
         excitation: frame with times, phases and speed.
-        long_gaps_ns: see `cycles_without_mass.find_spans_of_missing_channels_ns`.
+        long_gaps_ns: see `cycles_lost_in_gaps.find_spans_of_missing_channels_ns`.
     """
     samples = _DriveSamples.from_excitation(excitation)
     found: list[CycleMotion] = []

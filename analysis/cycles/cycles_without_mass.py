@@ -68,8 +68,9 @@ def find_cycle_parts(
     fill_in_dump_times(parts, passes, *motion)
     if adds_boom:
         parts, contradicts = add_boom_cycles(parts, passes, digging, *motion)
-    t_ns = motion[1]["t_ns"].to_numpy()
-    parts = add_hauls_without_usable_start(parts, passes, excluded, frames["manoeuvres"], t_ns)
+    if not contradicts:
+        t_ns = motion[1]["t_ns"].to_numpy()
+        parts = add_hauls_without_usable_start(parts, passes, excluded, frames["manoeuvres"], t_ns)
     return parts, contradicts
 
 
@@ -130,7 +131,7 @@ def add_hauls_without_usable_start(
 
     Such a manoeuvre is nearer to the loaded passes by its own mass, lies within an empty one or
     before all of them, and is a usual cycle away from the other hauls, as its own mass is as
-    doubtful as its load.
+    doubtful as its load. After the last empty drive a load may still be on board: none is added.
 
     Args:
         cycle_parts: cycles by the masses, with their dumps.
@@ -147,7 +148,7 @@ def add_hauls_without_usable_start(
     apart_ns = (1.0 - LIMITS.rhythm_tolerance) * float(np.median(np.diff(hauls_ns)))
     min_kg = sum(float(passes.mass_kg[of].mean()) for of in (passes.loaded, ~passes.loaded)) / 2.0
     start_ns = manoeuvres["start_t_ns"].to_numpy()
-    hauls = dict[int, Span]()
+    found = [*cycle_parts]
     for each in load_changes:
         first_ns, last_ns = int(t_ns[each.first]), int(t_ns[each.last])
         number = int(np.searchsorted(passes.start_ns, first_ns)) - 1
@@ -155,24 +156,20 @@ def add_hauls_without_usable_start(
             not passes.loaded[number] and last_ns < passes.end_ns[number]
         )
         is_apart = bool((np.abs(hauls_ns - first_ns) > apart_ns).all())
-        if is_while_empty and is_apart and each.mean_mass_kg > min_kg:
-            after = int(np.searchsorted(start_ns, first_ns))
-            hauls[after] = (hauls.get(after, (first_ns, 0))[0], last_ns)
-    found = [*cycle_parts]
-    for after, (first_ns, last_ns) in hauls.items():
+        if not (is_while_empty and is_apart and each.mean_mass_kg > min_kg):
+            continue
+        hauls_ns = np.append(hauls_ns, first_ns)
+        after = int(np.searchsorted(start_ns, first_ns))
         since_ns = int(start_ns[after - 1]) if after else 0
-        part = next(
-            (
-                each
-                for each in found
-                if each.dig_ns and each.haul_ns is None and since_ns < each.dig_ns[0] < first_ns
-            ),
-            CycleParts(),
-        )
-        part.haul_ns, part.dump_ns = (first_ns, last_ns), (last_ns, int(start_ns[after]))
-        part.bucket_emptied_ns = sum(part.dump_ns) // 2
-        if part not in found:
+        dug = [part for part in found if part.dig_ns and part.haul_ns is None]
+        dug = [part for part in dug if since_ns < (part.dig_ns or (0, 0))[0] < first_ns]
+        part = dug[-1] if dug else CycleParts()
+        if not dug:
             found.append(part)
+        part.haul_ns = first_ns, last_ns
+        if part.dump_ns is None:
+            part.dump_ns = last_ns, int(start_ns[after])
+            part.bucket_emptied_ns = sum(part.dump_ns) // 2
     return sorted(found, key=_find_start_of_earliest_part_ns)
 
 

@@ -19,6 +19,7 @@ from analysis.weighing.wheel_kinematics import WheelKinematics
 _SIGN_REMEDY: Final = (
     "channels.speed_x_m_s.scale, channels.force_x_N.scale: a sign or a unit is wrong"
 )
+_OF_GROUND: Final = ("const", "direction", "weight_const", "weight_direction")
 _UNSEEN_BRAKES: Final = (
     "settings.gate.exclude_braking = true, where brakes act that the force does not see; else "
 )
@@ -144,8 +145,9 @@ def _describe_remedy_of_term_beyond_prior(inputs: CheckInputs, _motion: AxisMoti
     if not keys or widths <= inputs.machine.settings.verdict.beyond_prior_max:
         return ""
     wider = " or ".join(f"settings.priors.{key}" for key in keys)
-    ground = "" if "pitch_rad" in inputs.machine.channels else "on uneven ground, give a pitch; "
-    return f"correct the cause that findings name; {ground}if it is really so large, widen {wider}"
+    lacks_pitch = name in _OF_GROUND and "pitch_rad" not in inputs.machine.channels
+    ground = "on uneven ground, give a pitch; " if lacks_pitch else ""
+    return f"correct the cause that findings name; {ground}if it really is so large, widen {wider}"
 
 
 def _describe_remedy_without_pitch(inputs: CheckInputs, _motion: AxisMotion) -> str:

@@ -24,9 +24,9 @@ _OF_EQUATION: Final = (
     *("delay", "wheel_radius", "slip", "coulomb", "too_little_excitation", "collinear"),
     *("load_changed_inside", "external_force", "braking_inside", "imu_low_passed"),
 )
-#: those that any misfit leaves in its residuals, where a resonance is none of them,
+#: consequences of any misfit in its residuals; a resonance is none of them,
 _OF_RESIDUALS: Final = ("coloured_residuals", "heteroscedastic", "driveline", "gain_by_speed")
-#: and those of a log with few starts.
+#: and consequences of few usable starts.
 _OF_FEW_STARTS: Final = ("too_little_excitation", "collinear")
 _OF_FIT: Final = (*_OF_EQUATION, *_OF_RESIDUALS, "resonance")
 _STILL: Final = "a standstill of three seconds"
@@ -98,7 +98,7 @@ CAUSES: Final = (
         "the machine turns, and no yaw rate tells curves from straight drives",
         "the speed of both sides, no yaw rate, and curves that need more force",
         channel_causes.find_turns_without_yaw_rate,
-        explains=(*_OF_FIT, "gain_drift"),
+        explains=_OF_RESIDUALS,
     ),
     Cause(
         "frozen",

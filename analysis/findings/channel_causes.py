@@ -30,6 +30,11 @@ from estimators.arrays import Floats
 #: Causes that a dead channel explains.
 _OF_DEAD: Final = ("unsigned", "offset")
 _YAW_RATE: Final = "yaw_rate_rad_s"
+#: Causes that turns seem to show, besides those of any residual, if they are most of it.
+_OF_TURNS: Final = (
+    *("delay", "coulomb", "gain_drift", "resonance", "load_changed_inside", "external_force"),
+    *("too_little_excitation", "collinear", "braking_inside"),
+)
 _CHANNELS: Final = {"torque": TORQUES, "speed": SPEEDS, "slip": SPEEDS}
 
 
@@ -338,7 +343,7 @@ def find_turns_without_yaw_rate(inputs: FindingInputs) -> list[Symptom]:
         return []
     # unlike wheels differ in proportion to the speed, and slip on one side to the force
     straight = np.column_stack([speed, force_N, force_N * np.abs(speed)])
-    if compute_explained_fraction(straight, difference) > LIMITS.turn_straight_1:
+    if compute_explained_fraction(straight, difference) > LIMITS.turn_max_explained_by_straight_1:
         return []
     direction = np.sign(speed)
     A = np.column_stack([acceleration, speed, direction, np.ones_like(speed)])
@@ -355,12 +360,13 @@ def find_turns_without_yaw_rate(inputs: FindingInputs) -> list[Symptom]:
         Symptom(
             explained_1 / LIMITS.turn_explained_1,
             f"the resistance grows with the difference of the two sides' speeds, by {mean_N:.0f} N "
-            f"on average, which is {explained_1:.0%} of the variance that the fit leaves; without "
+            f"on average over all driving: {explained_1:.0%} of its unexplained variance; without "
             f"a yaw rate, curves are fitted as straight drives; {_YAW_RATE} = {by_speeds} excludes "
             "them" + ("" if width_m else ", if machine.track_width_m is stated"),
             channel=SPEEDS[0],
             setting=f"channels.{_YAW_RATE}.derive" if width_m else None,
             value=f'"{by_speeds}"' if width_m else None,
+            explains=_OF_TURNS if explained_1 > LIMITS.turn_mostly_explained_1 else (),
         )
     ]
 

@@ -107,12 +107,16 @@ class ChannelLimits:
     idle_samples_fraction: float = 0.9
     #: Fraction of the log for which a channel repeats itself from which it is dead.
     dead_fraction: float = 0.5
-    #: Time in s over which the resistance and the difference of the sides' speeds are averaged,
+    #: Time in s over which the resistance and the difference of the sides' speeds are averaged: a
+    #: part of a curve,
     turn_mean_s: float = 0.5
-    #: fewest such means,
+    #: fewest such means: five curves or so,
     turn_min_blocks: int = 30
-    #: largest fraction of the difference that speed and force explain, as of unlike wheels or slip,
-    turn_straight_1: float = 0.5
+    #: largest fraction of the difference that speed and force explain: all of it where wheels are
+    #: unlike or slip on one side, a quarter at most in curves,
+    turn_max_explained_by_straight_1: float = 0.5
+    #: fraction of the residual variance from which turns explain other findings,
+    turn_mostly_explained_1: float = 0.5
     #: and the fraction of the residual variance that follows the difference if the machine turns:
     #: 0.7 to 0.97 in simulated carts whose curves scrub, 0.2 in a real machine that skids to steer,
     #: below 0.02 in machines that drive straight or roll through curves.

@@ -19,4 +19,4 @@ class ColumnArrays(dict[str, NDArray[Any]]):
     @property
     def height(self) -> int:
         """Number of rows."""
-        return next(iter(self.values())).size
+        return next((column.size for column in self.values()), 0)

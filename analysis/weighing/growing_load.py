@@ -182,6 +182,7 @@ def find_manoeuvres_with_growing_load(
     """
     if fit.states is None or not np.isfinite(fit.solution.residual_rms):
         return ()
+    # or its columns would stand in memory beside the rows below
     fit.solution.compute_uncertainty_and_release_samples()
     motion = fit.motion if motion is None else motion
     rows = average_and_weight_fit_columns(
@@ -374,7 +375,7 @@ def fit_mass_offset_and_growth_to_residual(
 ) -> tuple[float, float, float]:
     """Regress a residual on a mass that grows linearly: its offset, growth and information.
 
-        The manoeuvre's deviations in mass, friction and constant are projected out as far as their
+    The manoeuvre's deviations in mass, friction and constant are projected out as far as their
     priors allow: `std_ratios` (3,) is a row's standard deviation over that of each. The offset is
     that of the mass in the middle of the manoeuvre. All are 0 if the manoeuvre hardly accelerates.
     """

@@ -97,7 +97,7 @@ def _find_time_spans_of_states_ns(fit: JointFit, excitation: pl.DataFrame) -> li
     assert states is not None
     t_ns = excitation["t_ns"].to_numpy()[fit.motion.is_fittable]
     of = states.state_of_manoeuvre[index_manoeuvres_of_samples(fit, states)]
-    spans_ns = np.empty((fit.mass_count, 2), np.int64)
+    spans_ns = np.full((fit.mass_count, 2), -1, np.int64)
     # if an element is assigned several times, the last value remains
     spans_ns[of[::-1], 0] = t_ns[::-1]
     spans_ns[of, 1] = t_ns

@@ -10,10 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
+from analysis.weighing.growing_load import look_up_load_states
 from analysis.weighing.joint_fit import JointFitInputs, fit_jointly
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.weighing_limits import LIMITS
+from estimators.numerics.fit_loss import list_rows_by_group
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +25,8 @@ class AlternativeMotion:
     Attributes:
         kg: mass by the acceleration of the other sensor minus the mass of the answer.
         u_kg: standard uncertainty of the change; too large, as it counts the shared priors twice.
-        residual_ratio: r.m.s. of the residual force with the other sensor over that of the answer.
+        residual_ratio: r.m.s. of the residual force with the other sensor over that of the answer
+            and the noise of the other sensor together.
     """
 
     kg: float
@@ -36,9 +39,10 @@ class AlternativeMotion:
 
         0 if the force refutes the other sensor, whose mass then tells nothing of the answer.
         """
-        if self.residual_ratio > LIMITS.refuted_residual_ratio:
-            return 0.0
-        return abs(self.kg) / self.u_kg if np.isfinite(self.kg) else float("inf")
+        if not np.isfinite(self.kg):
+            return float("inf")
+        is_refuted = self.residual_ratio > LIMITS.refuted_residual_ratio
+        return 0.0 if is_refuted else abs(self.kg) / self.u_kg
 
     @property
     def effect_text(self) -> str:
@@ -90,8 +94,47 @@ def refit_with_acceleration_of_other_sensor(
     return AlternativeMotion(
         found.mass_kg - fit.mass_kg,
         float(np.hypot(found.u_kg, fit.u_kg)),
-        found.solution.residual_rms / max(fit.solution.residual_rms, 1e-9),
+        compare_residual_forces(fit, noise, acceleration),
     )
+
+
+def compare_residual_forces(
+    fit: JointFit, noise: ColumnNoiseModel, other_acceleration: Floats
+) -> float:
+    """Ratio of the residual force with another acceleration to that of the answer; 1 if unknown.
+
+    Both are of means of the same length, each with its own gain, since a gain is no residual. The
+    noise that the wheels' speed adds to such means counts with the residual of the answer.
+
+    Args:
+        fit: joint fit of the answer.
+        noise: noise of acceleration, speed and force.
+        other_acceleration: (n,) acceleration of the other sensor in m/s².
+    """
+    motion = fit.motion
+    size = max(round(LIMITS.compared_mean_s * motion.rate_hz), 1)
+    rows = [
+        part[: part.size // size * size] for part in list_rows_by_group(motion.stretch_of_sample)
+    ]
+    blocks = np.concatenate([np.empty(0, np.int64), *rows]).reshape(-1, size)
+    if fit.states is None or len(blocks) < LIMITS.compared_min_means:
+        return 1.0
+    mass_kg = fit.masses_kg[
+        look_up_load_states(fit.states, motion.manoeuvre_of_sample[blocks[:, 0]])
+    ]
+    force, speed, own, other = (
+        x[blocks].mean(axis=1)
+        for x in (motion.force, motion.speed, motion.acceleration, other_acceleration)
+    )
+    left: list[float] = []
+    for acceleration in (own, other):
+        A = np.column_stack([mass_kg * acceleration, speed, np.sign(speed), np.ones_like(speed)])
+        left.append(float(np.mean((force - A @ np.linalg.lstsq(A, force)[0]) ** 2)))
+    if motion.by_accelerometer:
+        speed_variance = noise.compute_covariance_of_means(1)[1, 1]
+        change_std_m_s2 = np.sqrt(2.0 * speed_variance) * motion.rate_hz / size
+        left[0] += float(np.mean((mass_kg * change_std_m_s2) ** 2))
+    return float(np.sqrt(left[1] / left[0])) if left[0] > 0.0 else 1.0
 
 
 def _differentiate_wheel_speed(motion: MotionSamples) -> Floats:

@@ -242,8 +242,12 @@ class WeighingLimits:
     central_difference_variance: float = 0.5
     #: and of a longer mean, which is the difference of two samples.
     mean_difference_variance: float = 2.0
-    #: Ratio of the residual forces from which the force refutes the other sensor: 5 to 7 for wheels
-    #: on hills of 2 %, about 1 where both sensors are right.
+    #: Time in s over which forces are averaged to compare the two sensors: a part of a start,
+    compared_mean_s: float = 1.0
+    #: fewest such means,
+    compared_min_means: int = 20
+    #: and ratio of their residual forces from which the force refutes the other sensor: 3 and more
+    #: for wheels on hills of 2 %, about 1 on level ground with either sensor's noise or gain.
     refuted_residual_ratio: float = 2.0
 
     # record_places

@@ -277,3 +277,17 @@ def test_a_first_haul_that_is_excluded_is_a_cycle_though_no_empty_drive_is_befor
     parts, _ = find_cycle_parts(passes, frames, [excluded], adds_boom=True)
     assert len(parts) == len(LOADS)
     assert parts[0].haul_ns == (50 * NS, 65 * NS)
+
+
+def test_two_excluded_hauls_with_no_weighed_drive_between_them_are_two_cycles() -> None:
+    frames = drawn_shift(LOADS, digs=False, unseen=(0, 1))
+    frames["manoeuvres"] = frames["manoeuvres"].filter(pl.col("start_t_ns") > 200 * NS)
+    t_ns = frames["excitation"]["t_ns"].to_numpy()
+    spans = np.searchsorted(t_ns, [(at * NS, (at + 8.0) * NS) for at in (50.0, 150.0)])
+    excluded = [
+        LoadChangeInMotion(0, int(first), int(last), 4300.0, 500.0, 80.0) for first, last in spans
+    ]
+    passes = find_load_passes(frames["loads"], frames["manoeuvres"], frames["digging"])
+    assert passes is not None
+    parts, _ = find_cycle_parts(passes, frames, excluded, adds_boom=True)
+    assert [part.loaded_pass is None for part in parts] == [True] * 2 + [False] * (len(LOADS) - 2)
