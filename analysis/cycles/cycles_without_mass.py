@@ -57,7 +57,7 @@ def find_cycle_parts(
     Args:
         passes: the passes.
         frames: `aligned`, `excitation`, `digging` and `manoeuvres` of a run.
-        excluded: manoeuvres excluded from the fit for their load.
+        excluded: manoeuvres excluded from the fit: their load changes, or no load explains them.
         adds_boom: whether dumps of the boom are cycles too.
 
     Returns:
@@ -123,7 +123,7 @@ def add_boom_cycles(
 def add_hauls_without_usable_start(
     cycle_parts: list[CycleParts],
     passes: LoadPasses,
-    load_changes: Sequence[LoadChangeInMotion],
+    excluded: Sequence[LoadChangeInMotion],
     manoeuvres: pl.DataFrame,
     t_ns: Ints,
 ) -> list[CycleParts]:
@@ -136,7 +136,7 @@ def add_hauls_without_usable_start(
     Args:
         cycle_parts: cycles by the masses, with their dumps.
         passes: the passes; if their boom shows the dumps, it decides, and nothing is added.
-        load_changes: manoeuvres excluded since their load changes, or since no load explains them.
+        excluded: manoeuvres excluded from the fit: their load changes, or no load explains them.
         manoeuvres: frame with the times of the fitted manoeuvres.
         t_ns: (samples,) times of the samples.
     """
@@ -149,7 +149,7 @@ def add_hauls_without_usable_start(
     min_kg = sum(float(passes.mass_kg[of].mean()) for of in (passes.loaded, ~passes.loaded)) / 2.0
     start_ns = manoeuvres["start_t_ns"].to_numpy()
     found = [*cycle_parts]
-    for each in load_changes:
+    for each in excluded:
         first_ns, last_ns = int(t_ns[each.first]), int(t_ns[each.last])
         number = int(np.searchsorted(passes.start_ns, first_ns)) - 1
         is_while_empty = number < 0 or (

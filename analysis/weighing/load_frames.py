@@ -6,6 +6,7 @@ import numpy as np
 import polars as pl
 
 from analysis.model.machine import Machine
+from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import CALIBRATED, FRAMES, build_frame
 from analysis.model.uncertainty_sources import (
     UncertaintySource,
@@ -13,6 +14,7 @@ from analysis.model.uncertainty_sources import (
     list_scale_sources_without_u,
 )
 from analysis.model.verdict import RELATIVE_U, Verdict
+from analysis.model.windows import find_flagged_runs
 from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine
 from analysis.weighing.empty_mass_step import find_empty_mass_step_of_manoeuvres
 from analysis.weighing.empty_states import (
@@ -33,6 +35,8 @@ from analysis.weighing.weigh import NOTHING_FITTED, Weighing
 
 #: Words before the probability where masses do not tell one load from several.
 SINGLE_LOAD_PROBABILITY: Final = "a single load has a probability of"
+#: Words after the number of drives that have a usable start, where most have none.
+UNWEIGHED_DRIVES: Final = "drives have a usable start: the others may carry more loads"
 _NOT_EMPTY: Final = (
     "settings.loads.empty_from_s and empty_to_s select none of the loads: payloads are "
     "differences to the machine's empty mass"
@@ -80,6 +84,7 @@ def make_load_frame(
                 _describe_empty_mass_drift(weighing, empty),
                 _describe_empty_mass_step(manoeuvres),
                 _describe_manoeuvres_with_changing_load(weighing, excitation),
+                _describe_drives_without_usable_start(fit, excitation),
             ),
         )
     )
@@ -321,6 +326,23 @@ def _describe_manoeuvres_with_changing_load(weighing: Weighing, excitation: pl.D
         else []
     )
     return "; ".join(told[: LIMITS.max_named_manoeuvres] + more)
+
+
+def _describe_drives_without_usable_start(fit: JointFit, excitation: pl.DataFrame) -> str:
+    """Note on drives from stop to stop that say nothing of their load; "" if most say it."""
+    if fit.mass_count == 1:
+        return ""
+    t_ns = excitation["t_ns"].to_numpy()
+    moves = ~excitation["phase"].is_in(["standstill"]).fill_null(value=True).to_numpy()
+    first, last = find_flagged_runs(moves)
+    is_drive = t_ns[last] - t_ns[first] > LIMITS.drive_min_s * NS_PER_S
+    fitted_before = np.append(0, np.cumsum(fit.motion.is_fittable))
+    fitted_s = (fitted_before[last + 1] - fitted_before[first]) / fit.motion.rate_hz
+    fitted = int(np.count_nonzero(fitted_s[is_drive] >= LIMITS.usable_start_min_s))
+    drives = int(is_drive.sum())
+    if fitted >= LIMITS.fitted_drives_min_fraction * drives:
+        return ""
+    return f"only {fitted} of {drives} {UNWEIGHED_DRIVES}"
 
 
 def make_manoeuvre_frame(

@@ -69,6 +69,12 @@ class LoadLimits:
     equally_light_std: float = 3.0
     #: Manoeuvres that are named; the others are counted.
     max_named_manoeuvres: int = 3
+    #: Shortest motion between two standstills that may haul a load, in s,
+    drive_min_s: float = 5.0
+    #: time of fitted samples from which its start is usable, in s: a few samples tell no mass,
+    usable_start_min_s: float = 0.5
+    #: and fraction of those with a usable start below which loads may be lost unseen: a half.
+    fitted_drives_min_fraction: float = 0.5
 
     # load_states
     #: Largest load, as a share of the machine's mass (rated loads of loaders).

@@ -21,7 +21,7 @@ from analysis.model.check_names import replace_former_check_names, replace_forme
 from analysis.model.physical_units import NS
 from analysis.model.run_record import InputFile, Run
 from analysis.model.verdict import Verdict
-from analysis.weighing.load_frames import SINGLE_LOAD_PROBABILITY
+from analysis.weighing.load_frames import SINGLE_LOAD_PROBABILITY, UNWEIGHED_DRIVES
 from estimators.errors import format_count
 from recordings.report.clock_text import ShiftClock
 from recordings.report.finding_text import format_finding, read_findings_of_run
@@ -77,6 +77,7 @@ class ReviewState(BaseModel):
         friction: viscous friction of the fit in N·s/m, and its standard deviation.
         friction_parts: the same for parts of the shift.
         no_cycle: why no cycle was found; else empty.
+        unweighed_drives: note on drives whose load no start determines, if they are most.
         gaps_s: gaps of the recording, since the first sample.
         timezone: time zone of the machine.
         serial: serial number of the machine; empty without one.
@@ -115,6 +116,7 @@ class ReviewState(BaseModel):
     digs: int
     findings: tuple[_Evidence, ...] = ()
     no_cycle: _CheckNames = ""
+    unweighed_drives: str = ""
     mixed_machines: str = ""
     timezone: str = "UTC"
     serial: str = ""
@@ -168,6 +170,7 @@ def collect_review_state(
     shares = gate["reason_x"].cast(pl.String).value_counts(sort=True, normalize=True)
     gaps = find_spans_of_missing_channels_ns(frames["excitation"], frames["aligned"])
     load = frames["loads"].row(0, named=True)
+    notes = (load["said"] or "").split("; ")
     body = read_machine_section(about)
     timezone, duration_s = str(body.get("timezone", "UTC")), float(frames["shift"]["duration_s"][0])
     clock = ShiftClock(timezone, about.t0_unix_ns, duration_s)
@@ -210,6 +213,7 @@ def collect_review_state(
             format_finding(e, clock) for e in read_findings_of_run(run) if e.severity != "tell"
         ),
         no_cycle=describe_missing_cycles(frames["cycles"], frames["loads"]),
+        unweighed_drives=next((n for n in notes if n.endswith(UNWEIGHED_DRIVES)), ""),
         mixed_machines=mixed_machines_warning,
         timezone=timezone,
         serial=str(body.get("id") or ""),

@@ -137,6 +137,8 @@ def list_shift_names_and_values(
         *_list_work_names_and_values(shift, ledger),
         *_list_time_names_and_values(shift, ledger, state),
     ]
+    if state.unweighed_drives:
+        found.append(("not weighed", state.unweighed_drives))
     found += list_energy_names_and_values(ledger, shift, state)
     if payload_target is not None:
         found.append(("10/10/20", describe_target_check(payload_target)))

@@ -55,7 +55,7 @@ Source = tuple[str | None, str]
 
 _AXES: Final = ("specific_force_x_m_s2", "specific_force_y_m_s2", "specific_force_z_m_s2")
 _SIDES: Final = ("speed_left_m_s", "speed_right_m_s")
-_YAW_RATE_BY_SIDES = (
+_YAW_RATE_BY_SIDES: Final = (
     "# of a machine that turns, with machine.track_width_m, so that curves are left out:",
     "# [channels.yaw_rate_rad_s]",
     f'# derive = "({_SIDES[1]} - {_SIDES[0]}) / track_width_m"',
