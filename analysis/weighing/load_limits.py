@@ -71,7 +71,7 @@ class LoadLimits:
     max_named_manoeuvres: int = 3
     #: Shortest motion between two standstills that may haul a load, in s,
     drive_min_s: float = 5.0
-    #: time of fitted samples from which its start is usable, in s: a few samples tell no mass,
+    #: time of fitted samples from which its start is usable, in s: a few determine no mass,
     usable_start_min_s: float = 0.5
     #: and fraction of those with a usable start below which loads may be lost unseen: a half.
     fitted_drives_min_fraction: float = 0.5
