@@ -20,6 +20,8 @@ from estimators.arrays import Bools, Floats
 
 TORQUES: Final = ("torque_left_N_m", "torque_right_N_m")
 SPEEDS: Final = ("speed_left_m_s", "speed_right_m_s")
+#: Derivation of the yaw rate from the speeds of both sides.
+YAW_RATE_BY_SPEEDS: Final = f"({SPEEDS[1]} - {SPEEDS[0]}) / track_width_m"
 _YAW_RATE: Final = "yaw_rate_rad_s"
 
 

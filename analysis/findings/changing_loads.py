@@ -23,9 +23,9 @@ from analysis.findings.whitened_rows import (
     build_whitened_force_rows,
     compute_sums_of_sample_blocks,
     compute_whitened_row_noise_variance,
-    list_indices_of_samples_in_whole_blocks,
 )
 from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
+from analysis.weighing.stretch_means import list_indices_of_samples_in_whole_blocks
 from estimators.errors import format_count
 from estimators.numerics.fit_loss import list_rows_by_group
 

@@ -14,7 +14,7 @@ import numpy as np
 from analysis.diagnosis.diagnosis_limits import LIMITS as DIAGNOSIS_LIMITS
 from analysis.diagnosis.excluded_stretches import ExcludedStretches
 from analysis.diagnosis.measured_channels import find_unexplained_repeats
-from analysis.diagnosis.side_comparison import SPEEDS, TORQUES, SideDifference
+from analysis.diagnosis.side_comparison import SPEEDS, TORQUES, YAW_RATE_BY_SPEEDS, SideDifference
 from analysis.findings.cause import MassChange, Symptom
 from analysis.findings.channel_limits import LIMITS
 from analysis.findings.finding_inputs import ACCELERATIONS, FORCES, FindingInputs
@@ -22,9 +22,9 @@ from analysis.findings.refit import compute_mass_change_by_refit_without_samples
 from analysis.findings.sampling_causes import measure_repeat_fraction_and_resolution
 from analysis.findings.whitened_rows import (
     compute_sums_of_sample_blocks,
-    list_indices_of_samples_in_whole_blocks,
 )
 from analysis.model.windows import flag_rows_near_flagged_rows
+from analysis.weighing.stretch_means import list_indices_of_samples_in_whole_blocks
 from estimators.arrays import Floats
 
 #: Causes that a dead channel explains.
@@ -355,17 +355,17 @@ def find_turns_without_yaw_rate(inputs: FindingInputs) -> list[Symptom]:
     slope = max(float(scrub @ left_N) / float(scrub @ scrub), 0.0)
     explained_1 = slope * float(scrub @ left_N) / float(left_N @ left_N)
     mean_N = slope * float(np.abs(difference).mean())
-    by_speeds = f"({SPEEDS[1]} - {SPEEDS[0]}) / track_width_m"
     return [
         Symptom(
             explained_1 / LIMITS.turn_explained_1,
             f"the resistance grows with the difference of the two sides' speeds, by {mean_N:.0f} N "
             f"on average over all driving: {explained_1:.0%} of its unexplained variance; without "
-            f"a yaw rate, curves are fitted as straight drives; {_YAW_RATE} = {by_speeds} excludes "
-            "them" + ("" if width_m else ", if machine.track_width_m is stated"),
+            "a yaw rate, curves are fitted as straight drives; "
+            f"{_YAW_RATE} = {YAW_RATE_BY_SPEEDS} excludes them"
+            + ("" if width_m else ", if machine.track_width_m is stated"),
             channel=SPEEDS[0],
             setting=f"channels.{_YAW_RATE}.derive" if width_m else None,
-            value=f'"{by_speeds}"' if width_m else None,
+            value=f'"{YAW_RATE_BY_SPEEDS}"' if width_m else None,
             explains=_OF_TURNS if explained_1 > LIMITS.turn_mostly_explained_1 else (),
         )
     ]

@@ -14,7 +14,8 @@ from analysis.findings.finding_limits import LIMITS
 from analysis.weighing.force_rate import make_parabola_slope_weights
 from analysis.weighing.friction_warming import WARMING
 from analysis.weighing.motion_samples import ColumnNoiseModel, MotionSamples
-from estimators.arrays import Floats, Ints
+from analysis.weighing.stretch_means import list_indices_of_samples_in_whole_blocks
+from estimators.arrays import Floats
 from estimators.numerics.fit_loss import list_rows_by_group
 
 
@@ -178,15 +179,6 @@ def compute_whitening_matrix_and_imu_noise(
     across = np.linalg.qr(line, mode="complete")[0][:, 2:]
     rows = np.asarray(across.T @ white, np.float64)
     return rows, float(np.einsum("ij,jk,ik->", rows, adds_up, rows))
-
-
-def list_indices_of_samples_in_whole_blocks(stretch_of_sample: Ints, block_size: int) -> Ints:
-    """Indices of the samples in whole blocks of the given size within each stretch."""
-    own = [
-        part[: part.size // block_size * block_size]
-        for part in list_rows_by_group(stretch_of_sample)
-    ]
-    return np.concatenate([np.zeros(0, np.int64), *own]).astype(np.int64)
 
 
 def compute_sums_of_sample_blocks(values: Floats, block_size: int) -> Floats:

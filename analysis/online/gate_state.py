@@ -208,7 +208,7 @@ def append_rows_without_decision(
     samples = np.array([window.z[:, -1] for window in windows])
     phase = np.array([_CODES[row["phase"]] for row in rows], np.uint8)
     missing = ~np.isfinite(samples).all(axis=1) | (phase == UNKNOWN)
-    slows = mark_braking_rows(phase)
+    brakes = slows = mark_braking_rows(phase)
     slips = np.zeros(count, np.bool_)
     accelerations, yaw_rates = state.accelerations, state.yaw_rates
     if axis is X:
@@ -232,18 +232,20 @@ def append_rows_without_decision(
             last={why: k if flagged[why][number] else last for why, last in state.last.items()},
             accelerations=accelerations[number + 1 : number + 1 + span],
             yaw_rates=yaw_rates[number + 1 : number + 1 + yaw_span],
-            **_number_manoeuvre(state, row["phase"], settings),
+            **_number_manoeuvre(state, row["phase"], settings, brakes=bool(brakes[number])),
         )
         states.append(state)
     return states
 
 
-def _number_manoeuvre(state: GateState, phase: str | None, settings: Settings) -> dict[str, Any]:
+def _number_manoeuvre(
+    state: GateState, phase: str | None, settings: Settings, *, brakes: bool
+) -> dict[str, Any]:
     """Fields of the state that tell which manoeuvre the next row belongs to, by its phase."""
     if phase is None:
         return {"known": False, "kind": None}
     # manoeuvres have the same numbers on both axes
-    alone = phase in TURNS or (settings.gate.exclude_braking and phase == "braking")
+    alone = phase in TURNS or (settings.gate.exclude_braking and brakes)
     kind = phase if alone else ""
     return {
         "known": True,

@@ -333,7 +333,7 @@ def _describe_drives_without_usable_start(fit: JointFit, excitation: pl.DataFram
     if fit.mass_count == 1:
         return ""
     t_ns = excitation["t_ns"].to_numpy()
-    moves = ~excitation["phase"].is_in(["standstill"]).fill_null(value=True).to_numpy()
+    moves = (excitation["phase"] != "standstill").fill_null(value=False).to_numpy()
     first, last = find_flagged_runs(moves)
     is_drive = t_ns[last] - t_ns[first] > LIMITS.drive_min_s * NS_PER_S
     fitted_before = np.append(0, np.cumsum(fit.motion.is_fittable))

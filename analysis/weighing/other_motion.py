@@ -14,8 +14,8 @@ from analysis.weighing.growing_load import look_up_load_states
 from analysis.weighing.joint_fit import JointFitInputs, fit_jointly
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples
+from analysis.weighing.stretch_means import list_indices_of_samples_in_whole_blocks
 from analysis.weighing.weighing_limits import LIMITS
-from estimators.numerics.fit_loss import list_rows_by_group
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,20 +34,24 @@ class AlternativeMotion:
     residual_ratio: float = 1.0
 
     @property
+    def is_refuted_by_force(self) -> bool:
+        """Whether the force agrees with the sensor of the answer, and not with the other one."""
+        return np.isfinite(self.kg) and self.residual_ratio > LIMITS.refuted_residual_ratio
+
+    @property
     def mass_shift_over_uncertainty(self) -> float:
         """Change of the mass in standard uncertainties; infinite if the refit has no mass.
 
         0 if the force refutes the other sensor, whose mass then tells nothing of the answer.
         """
-        if not np.isfinite(self.kg):
-            return float("inf")
-        is_refuted = self.residual_ratio > LIMITS.refuted_residual_ratio
-        return 0.0 if is_refuted else abs(self.kg) / self.u_kg
+        if self.is_refuted_by_force:
+            return 0.0
+        return abs(self.kg) / self.u_kg if np.isfinite(self.kg) else float("inf")
 
     @property
     def effect_text(self) -> str:
         """What the other sensor alone does to the answer, in words that follow its name."""
-        if self.residual_ratio > LIMITS.refuted_residual_ratio:
+        if self.is_refuted_by_force:
             return f"the residual force is {self.residual_ratio:.1f} times as large"
         return (
             f"the mass changes by {self.kg:+.0f} kg "
@@ -113,10 +117,8 @@ def compare_residual_forces(
     """
     motion = fit.motion
     size = max(round(LIMITS.compared_mean_s * motion.rate_hz), 1)
-    rows = [
-        part[: part.size // size * size] for part in list_rows_by_group(motion.stretch_of_sample)
-    ]
-    blocks = np.concatenate([np.empty(0, np.int64), *rows]).reshape(-1, size)
+    used = list_indices_of_samples_in_whole_blocks(motion.stretch_of_sample, size)
+    blocks = used.reshape(-1, size)
     if fit.states is None or len(blocks) < LIMITS.compared_min_means:
         return 1.0
     mass_kg = fit.masses_kg[

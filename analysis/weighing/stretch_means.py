@@ -66,3 +66,12 @@ def make_orthonormal_constant_and_slope(samples: int) -> Floats:
     """Orthonormal columns of a constant and a slope, (samples, 2)."""
     ramp = np.linspace(-1.0, 1.0, samples)
     return np.linalg.qr(np.column_stack([np.ones(samples), ramp]))[0]
+
+
+def list_indices_of_samples_in_whole_blocks(stretch_of_sample: Ints, block_size: int) -> Ints:
+    """Indices of the samples in whole blocks of the given size within each stretch."""
+    own = [
+        part[: part.size // block_size * block_size]
+        for part in list_rows_by_group(stretch_of_sample)
+    ]
+    return np.concatenate([np.zeros(0, np.int64), *own]).astype(np.int64)

@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
+from analysis.diagnosis.side_comparison import SPEEDS, YAW_RATE_BY_SPEEDS
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.stages.signals.derive import find_unit_in_name
 from analysis.stages.signals.mounting_guess import MountingGuess, estimate_imu_mounting
@@ -54,11 +55,10 @@ _SET_POINT: Final = "whether '{}' was measured: by its name it is a set-point, n
 Source = tuple[str | None, str]
 
 _AXES: Final = ("specific_force_x_m_s2", "specific_force_y_m_s2", "specific_force_z_m_s2")
-_SIDES: Final = ("speed_left_m_s", "speed_right_m_s")
 _YAW_RATE_BY_SIDES: Final = (
     "# of a machine that turns, with machine.track_width_m, so that curves are left out:",
     "# [channels.yaw_rate_rad_s]",
-    f'# derive = "({_SIDES[1]} - {_SIDES[0]}) / track_width_m"',
+    f'# derive = "{YAW_RATE_BY_SPEEDS}"',
     "",
 )
 
@@ -156,7 +156,7 @@ def draft_machine_file(log: Log, time_axis: TimeAxis | None) -> tuple[str, list[
         is_open = not has_speed or any(each in formula for each in open_columns)
         sign = "# " if is_open else ""
         lines += [f"{sign}[channels.{column}]", f'{sign}derive = "{formula}"', ""]
-    if set(_SIDES) <= found and "yaw_rate_rad_s" not in found:
+    if set(SPEEDS) <= found and "yaw_rate_rad_s" not in found:
         lines += _YAW_RATE_BY_SIDES
     lines += [f"# missing: {sentence}" for sentence in lacking]
     is_unsure = any(_format_wheel_unit_comment(guess) for guess in guesses)
@@ -373,7 +373,7 @@ def format_mounting_angle_lines(guess: MountingGuess) -> list[str]:
 
 def read_machine_speed_m_s(log: Log, sources: Mapping[str, Source]) -> tuple[Ints, Floats] | None:
     """Read stamps in ns and the machine's speed, or the mean of both sides'; None without them."""
-    names = ("speed_x_m_s",) if "speed_x_m_s" in sources else _SIDES
+    names = ("speed_x_m_s",) if "speed_x_m_s" in sources else SPEEDS
     if not set(names) <= set(sources) or len({sources[name][0] for name in names}) > 1:
         return None
     t_ns, v = read_times_and_fields_of_topic(log, [sources[name] for name in names])
