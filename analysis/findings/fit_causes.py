@@ -8,7 +8,7 @@ import polars as pl
 
 from analysis.findings.cause import MassChange, Symptom
 from analysis.findings.changing_loads import compare_force_change_with_load_changes
-from analysis.findings.constant_forces import explain_constant_force
+from analysis.findings.constant_forces import explain_constant_force, has_pitch_channel
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.likelihood_search import (
@@ -357,23 +357,22 @@ def find_braking_fitted_as_driving(inputs: FindingInputs) -> list[Symptom]:
     fitted = None if weighing.braking_left_out else rank_causes_by_likelihood(inputs).get("braking")
     if fitted is None:  # only the comparison with driving is available
         strength = float(abs(weighing.braking_kg) / (LIMITS.braking_change_u * weighing.fit.u_kg))
-        share, others = "", ()
+        detail = "" if has_pitch_channel(inputs) else ", or the machine brakes on a slope"
     else:
         strength = min(
             float(np.sqrt(fitted.gain)) / LIMITS.term_min_std,
             fitted.value / LIMITS.seen_braking_fraction,
         )
-        share = f" ({fitted.value:.2%} ± {fitted.std:.2%} is not measured)"
-        others = list_indistinguishable_causes(fitted)
+        detail = f" ({fitted.value:.2%} ± {fitted.std:.2%} is not measured)"
     return [
         Symptom(
             strength,
             f"including braking changes a mass by {weighing.braking_kg:+.0f} kg: the force sensor "
-            f"does not measure all of the braking{share}",
+            f"does not measure all of the braking{detail}",
             setting="settings.gate.exclude_braking",
             value="true",
             change=lambda: MassChange(left, LIMITS.braking_u_ratio * weighing.fit.u_kg),
-            alternatives=others,
+            alternatives=() if fitted is None else list_indistinguishable_causes(fitted),
         )
     ]
 

@@ -248,8 +248,8 @@ def find_missing_model_term(inputs: FindingInputs) -> list[Symptom]:
         Symptom(
             abs(found.t) / LIMITS.named_term_min_std,
             f"{found.term.meaning}: this term is {abs(found.t):.1f} standard deviations from 0, "
-            f"and changes the mass by {effect_kg:+.0f} kg; the mass is not corrected, since it is "
-            "not known which term is the true one",
+            f"and changes the mass by {effect_kg:+.0f} kg; the mass is not corrected, since other "
+            "terms, or ground that is uneven where starts begin, explain the force as well",
             channel=inputs.force_channel,
             change=lambda: MassChange(0.0, abs(effect_kg)),
         )

@@ -107,6 +107,7 @@ class Answer:
         recording: path of the recording; None without one.
         shift: totals of the cycles; empty without cycles.
         findings: causes of error found in the log, in the order of their rank.
+        stated_empty_mass_kg: empty mass in the machine file.
     """
 
     rows: tuple[AnswerRow, ...]
@@ -123,6 +124,7 @@ class Answer:
     planar_budget: Sequence[Mapping[str, Any]] = ()
     shift: Mapping[str, Any] = field(default_factory=dict[str, Any])
     findings: Sequence[Mapping[str, Any]] = ()
+    stated_empty_mass_kg: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """The answer as JSON-compatible values; with one load, its masses are outside `loads`."""
@@ -178,6 +180,7 @@ def make_answer(run: Run, recording: str | None = None) -> Answer:
         notes=about.notes,
         fingerprint=about.fingerprint,
         recording=recording,
+        stated_empty_mass_kg=about.machine.get("machine", {}).get("empty_mass_kg"),
     )
 
 

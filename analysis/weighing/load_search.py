@@ -51,8 +51,7 @@ def fit_with_searched_load_states(
     kind = classify_load_change_evidence(first_fit.motion)
     settled = search_states_and_refit_until_stable(first_fit, inputs, repeatability_kg, kind)
     misfits = settled.solution.misfit_ratio > LIMITS.max_misfit_ratio
-    few = first_fit.motion.manoeuvre_count < LOAD_LIMITS.ground_min_manoeuvres
-    if first_fit.motion.has_single_load or not misfits or few:
+    if first_fit.motion.has_single_load or not misfits:
         return settled
     inputs = add_ground_force_variance(first_fit, inputs)
     # with short means the residual is noise and transients, which loads do not explain
@@ -358,10 +357,7 @@ def _require_load_states(fit: JointFit) -> LoadStates:
 
 def add_ground_force_variance(fit: JointFit, inputs: JointFitInputs) -> JointFitInputs:
     """Fit inputs with the variance of ground forces between stretches, from a fit's residual."""
-    if (
-        inputs.ground_variance_ratio_1_s
-        or fit.motion.manoeuvre_count < LOAD_LIMITS.ground_min_manoeuvres
-    ):
+    if inputs.ground_variance_ratio_1_s:
         return inputs
     # with the fit's own rows: the number of rows of a refit depends on the final lag
     fitted = fit.solution

@@ -110,10 +110,7 @@ class _DrivingDirection:
 
     def _does_motion_drive_in_direction(self, motion: MotionSamples) -> bool:
         ways = motion.direction[motion.is_fittable] == self.sign
-        return (
-            motion.manoeuvre_count >= LIMITS.ground_min_manoeuvres
-            and float(ways.mean()) > LIMITS.direction_min_fraction
-        )
+        return float(ways.mean()) > LIMITS.direction_min_fraction
 
 
 def _make_zero_to_one_ramp_over_distance(
@@ -187,7 +184,6 @@ def _make_route_term(route_part: int) -> Nuisance:
         lambda e, s: s.ground_route_share * e.empty_weight_N,
         "change of rolling resistance along the route, over ten metres",
         "more cycles; even ground",
-        applies=lambda e: e.manoeuvre_count >= LIMITS.ground_min_manoeuvres,
         by_load=True,
         source=BY_GROUND,
     )

@@ -1,7 +1,8 @@
 """Write lines about the answer: loads, payloads, sensitivity to priors, largest uncertainty."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import ceil
+from statistics import fmean
 from typing import Any, Final, NamedTuple
 
 from analysis.model.answer import Answer
@@ -73,20 +74,31 @@ def describe_answer_as_lines(answer: Answer, *, is_brief: bool = False) -> list[
         return describe_load_as_lines(answer.loads[0], is_brief=is_brief)
     lines = [f"{len(answer.loads)} load states; masses are listed per load"] if answer.loads else []
     empty = [load for load in answer.loads if load.get("empty")]
+    mass = _describe_empty_mass(empty, answer.stated_empty_mass_kg)
     if len(empty) == 1:
-        mass = empty[0]["mass_kg"]
-        known = "" if mass is None else f" ({format_plus_minus(mass, empty[0]['u_kg'])} kg)"
         lines.append(
-            f"payloads are differences to load {empty[0]['load_id']}, taken as empty{known}; if "
+            f"payloads are differences to load {empty[0]['load_id']}, taken as empty{mass}; if "
             "another is, give its time span with --empty FROM:TO"
         )
     elif empty:
         lines.append(
-            f"payloads are differences to {len(empty)} loads taken as empty; if others "
+            f"payloads are differences to {len(empty)} loads taken as empty{mass}; if others "
             "are, give their time span with --empty FROM:TO"
         )
     known = [load for load in answer.loads if load["mass_kg"] is not None]
     return lines + (_list_notes_on_load(known[0]) if known else [])
+
+
+def _describe_empty_mass(empty_loads: Sequence[Mapping[str, Any]], stated_kg: float | None) -> str:
+    """Mass of the loads taken as empty, where there is one or where it is not the stated one."""
+    weighed = [load for load in empty_loads if load["mass_kg"] is not None]
+    if not weighed:
+        return ""
+    mass_kg, u_kg = (fmean(load[name] for load in weighed) for name in ("mass_kg", "u_kg"))
+    shown = f"{format_plus_minus(mass_kg, u_kg)} kg"
+    if stated_kg is not None and abs(mass_kg - stated_kg) > COVERAGE * u_kg:
+        return f" ({shown}, while machine.empty_mass_kg is {stated_kg:,.0f})"
+    return f" ({shown})" if len(weighed) == 1 else ""
 
 
 def describe_load_as_lines(load_row: Mapping[str, Any], *, is_brief: bool = False) -> list[str]:

@@ -7,7 +7,6 @@ import pytest
 
 from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.column_inputs import ColumnInputs
-from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.motion_samples import MotionSamples
 from analysis.weighing.uneven_ground import GROUND
 
@@ -75,24 +74,16 @@ def test_loaded_starts_and_empty_ones_are_on_ground_of_their_own():
     assert loaded.any()
 
 
-def test_few_manoeuvres_have_none_and_those_one_way_none_of_the_other():
-    assert not [term for term in GROUND if term.applies(motion(LIMITS.ground_min_manoeuvres - 1))]
-    one_way = [
-        term.name
-        for term in GROUND
-        if term.applies(motion(LIMITS.ground_min_manoeuvres, reverse=False))
-    ]
-    both_ways = [term.name for term in GROUND if term.applies(motion(LIMITS.ground_min_manoeuvres))]
+def test_two_manoeuvres_have_ground_and_those_one_way_none_of_the_other():
+    one_way = [term.name for term in GROUND if term.applies(motion(2, reverse=False))]
+    both_ways = [term.name for term in GROUND if term.applies(motion(2))]
     assert [name for name in both_ways if "reverse" not in name] == one_way
     assert sum("forward" in name for name in one_way) == len(both_ways) - len(one_way) > 0
 
 
 def test_every_term_needs_load_states_and_is_wider_over_a_longer_way():
     assert all(term.by_load for term in GROUND)
-    widths = {
-        term.name: term.compute_prior_std(motion(LIMITS.ground_min_manoeuvres), PriorSettings())
-        for term in GROUND
-    }
+    widths = {term.name: term.compute_prior_std(motion(24), PriorSettings()) for term in GROUND}
     assert widths["ground_forward_0_2m"] < widths["ground_forward_2_6m"]
     # half a percent of the weight over ten metres
     assert widths["ground_forward_2_6m"] == pytest.approx(0.005 * 40_000.0 * np.sqrt(0.4))

@@ -4,9 +4,11 @@ import polars as pl
 import pytest
 
 from analysis import Run
-from analysis.model.answer import make_answer
+from analysis.model.answer import Answer, make_answer
+from analysis.model.verdict import Verdict
 from recordings.report.answer_text import (
     advise_to_reduce_uncertainty,
+    describe_answer_as_lines,
     describe_load_as_lines,
     make_uncertainty_rows,
 )
@@ -46,6 +48,23 @@ def test_one_manoeuvre_is_one_and_without_an_empty_mass_there_is_no_payload():
 def test_a_scale_that_nobody_knows_is_said_to_be_in_no_number():
     (line,) = describe_load_as_lines({**LOAD, "scale_unknown": "force_gain, wheel_radius"})[3:]
     assert line.startswith("± excludes scale error: set force_gain_u, wheel_radius_u_m")
+
+
+@pytest.mark.parametrize(
+    ("stated_kg", "shown"),
+    [
+        (4000.0, "2 loads taken as empty (3727 ± 24 kg, while machine.empty_mass_kg is 4,000); "),
+        (3750.0, "2 loads taken as empty; "),
+        (None, "2 loads taken as empty; "),
+    ],
+)
+def test_empty_loads_that_are_not_as_heavy_as_stated_show_both_masses(stated_kg, shown):
+    loads = [
+        {**LOAD, "mass_kg": mass_kg, "empty": is_empty}
+        for mass_kg, is_empty in ((3722.0, True), (4800.0, False), (3732.0, True))
+    ]
+    answer = Answer((), loads, (), (), (), 1.0, Verdict(), stated_empty_mass_kg=stated_kg)
+    assert shown in describe_answer_as_lines(answer)[1]
 
 
 def test_braking_that_was_left_out_is_said_to_be():
