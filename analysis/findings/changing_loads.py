@@ -60,7 +60,7 @@ def compare_force_change_with_load_changes(inputs: FindingInputs) -> ForceShareC
         The comparison; None if the answer has one load, or the machine drives one way only.
     """
     fit, noise, motion = (
-        inputs.log_only_fit,
+        inputs.fit_without_learnt_priors,
         inputs.column_noise,
         explain_constant_force(inputs).motion,
     )
@@ -196,7 +196,7 @@ def _report_excluded_load_changes(inputs: FindingInputs) -> list[Symptom]:
 def _select_significant_load_changes(inputs: FindingInputs) -> list[LoadGrowthRate]:
     """Manoeuvres whose load changes by more than noise explains."""
     fit, noise, motion = (
-        inputs.log_only_fit,
+        inputs.fit_without_learnt_priors,
         inputs.column_noise,
         explain_constant_force(inputs).motion,
     )

@@ -94,15 +94,16 @@ def does_exclusion_keep_answer(
     refit: Callable[[], MassChange | None] | None = None,
 ) -> bool | None:
     """Whether the mass stays the same if the stretches are excluded; None if unknown."""
-    if inputs.log_only_fit is None:
+    fit = inputs.fit_without_learnt_priors
+    if fit is None:
         return None
     if exclusion is not None:
         return exclusion.does_exclusion_keep_mass
     # with several loads, the exclusion may change the other masses
-    change = refit() if refit is not None and inputs.log_only_fit.mass_count == 1 else None
+    change = refit() if refit is not None and fit.mass_count == 1 else None
     if change is None:
         return None
-    return abs(change.kg) <= DIAGNOSIS_LIMITS.harmless_change_u * inputs.log_only_fit.u_kg
+    return abs(change.kg) <= DIAGNOSIS_LIMITS.harmless_change_u * fit.u_kg
 
 
 def find_noiseless_stretches_ns(inputs: FindingInputs, channel: str) -> list[tuple[int, int]]:
@@ -166,9 +167,10 @@ def find_clipped_force(inputs: FindingInputs) -> list[Symptom]:
     found = inputs.check_inputs.left_out.get("clipped_share")
 
     def refit_without_saturated_rows() -> MassChange | None:
-        if inputs.log_only_fit is None:
+        fit = inputs.fit_without_learnt_priors
+        if fit is None:
             return None
-        near = flag_rows_near_flagged_rows(np.abs(inputs.log_only_fit.motion.force) > limit_N, 5)
+        near = flag_rows_near_flagged_rows(np.abs(fit.motion.force) > limit_N, 5)
         return compute_mass_change_by_refit_without_samples(inputs, near)
 
     # an error code lies far outside all readings, unlike a limit of the sensor
@@ -287,7 +289,8 @@ def find_contradicted_wheel_speed_and_scale(
     inputs: FindingInputs, difference: SideDifference
 ) -> tuple[str, float] | None:
     """Wheel speed that the accelerometer contradicts, and the factor for its scale."""
-    wheels = None if inputs.log_only_fit is None else inputs.log_only_fit.kinematics
+    fit = inputs.fit_without_learnt_priors
+    wheels = None if fit is None else fit.kinematics
     if wheels is None or not wheels.is_consistent:
         return None
     gains = [(1.0 + wheels.gain[0]) * (1.0 + way * difference.value_1 / 2.0) for way in (-1.0, 1.0)]
@@ -304,15 +307,16 @@ def estimate_mass_change_by_smaller_side(
     inputs: FindingInputs, difference: SideDifference
 ) -> MassChange | None:
     """Mass change if the smaller side is wrong; u equals it, as the larger side may be wrong."""
-    if inputs.log_only_fit is None or difference.side_ratio_1 <= -1.0:
+    fit = inputs.fit_without_learnt_priors
+    if fit is None or difference.side_ratio_1 <= -1.0:
         return None
-    kg = abs(inputs.log_only_fit.mass_kg) * (2.0 / (1.0 + max(difference.side_ratio_1, 0.0)) - 1.0)
+    kg = abs(fit.mass_kg) * (2.0 / (1.0 + max(difference.side_ratio_1, 0.0)) - 1.0)
     return MassChange(kg, kg)
 
 
 def bound_mass_change_by_wheel_speed_error(inputs: FindingInputs) -> MassChange | None:
     """Mass change of 0, with half the answer's u as its u; None without an accelerometer."""
-    fit = inputs.log_only_fit
+    fit = inputs.fit_without_learnt_priors
     return (
         None if fit is None or not fit.motion.by_accelerometer else MassChange(0.0, 0.5 * fit.u_kg)
     )
@@ -321,7 +325,7 @@ def bound_mass_change_by_wheel_speed_error(inputs: FindingInputs) -> MassChange 
 def find_turns_without_yaw_rate(inputs: FindingInputs) -> list[Symptom]:
     """Find a resistance that grows with the difference of the sides' speeds, as in curves."""
     fit, signals, width_m = (
-        inputs.log_only_fit,
+        inputs.fit_without_learnt_priors,
         inputs.unfiltered_readings,
         inputs.machine.machine.track_width_m,
     )

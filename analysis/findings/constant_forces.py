@@ -87,7 +87,7 @@ def _estimate_and_explain_constant_forces(inputs: FindingInputs) -> ConstantForc
         error = inputs.compute_mean_and_std_of_signal_at_rest(
             get_column_values(inputs.aligned, ACC) - compute_gravity_by_pitch_m_s2(inputs)
         )
-    fit, noise = inputs.log_only_fit, inputs.column_noise
+    fit, noise = inputs.fit_without_learnt_priors, inputs.column_noise
     if fit is None or noise is None or not np.isfinite(fit.theta).all():
         return ConstantForces(rest, error, None, None, None)
     motion = subtract_gear_inertia(fit.motion, fit.terms, fit.theta[fit.mass_count + 1 :])

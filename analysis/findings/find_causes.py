@@ -118,12 +118,12 @@ def _does_finding_affect_mass(finding_row: Mapping[str, object], inputs: Finding
     if (
         finding_row["severity"] != "tell"
         or not isinstance(change_kg, float)
-        or inputs.log_only_fit is None
+        or inputs.fit_without_learnt_priors is None
     ):
         return True
     u_kg = finding_row["mass_change_u_kg"]
     may_kg = abs(change_kg) + (u_kg if isinstance(u_kg, float) else 0.0)
-    return may_kg > LIMITS.accounting_change_u * inputs.log_only_fit.u_kg
+    return may_kg > LIMITS.accounting_change_u * inputs.fit_without_learnt_priors.u_kg
 
 
 def _choose_consequence_of_finding(
@@ -138,10 +138,12 @@ def _choose_consequence_of_finding(
         and not (cause.withholds_only_if_check_fails and inputs.can_weigh)
     ):
         return "withhold"
-    if change is None or inputs.log_only_fit is None:
+    if change is None or inputs.fit_without_learnt_priors is None:
         return "tell"
     return (
-        "widen" if abs(change.kg) > LIMITS.widening_change_u * inputs.log_only_fit.u_kg else "tell"
+        "widen"
+        if abs(change.kg) > LIMITS.widening_change_u * inputs.fit_without_learnt_priors.u_kg
+        else "tell"
     )
 
 

@@ -68,8 +68,8 @@ class FindingInputs:
         return self.check_inputs.machine
 
     @property
-    def log_only_fit(self) -> JointFit | None:
-        """The joint fit of this log alone; None if nothing could be fitted."""
+    def fit_without_learnt_priors(self) -> JointFit | None:
+        """The joint fit without priors learnt by a calibration; None if nothing could be fitted."""
         weighing = self.check_inputs.weighing
         return None if weighing is None else weighing.fit_without_learnt_priors
 
@@ -285,7 +285,7 @@ class FindingInputs:
 
     def look_up_mass_of_samples_kg(self, motion: MotionSamples) -> Floats:
         """Mass of the load of each sample by the joint fit, (n,) in kg."""
-        fit = self.log_only_fit
+        fit = self.fit_without_learnt_priors
         assert fit is not None
         if fit.states is None or fit.mass_count == 1:
             return np.full(motion.force.size, fit.mass_kg)

@@ -75,14 +75,14 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
 def find_force_sensor_offset(inputs: FindingInputs) -> list[Symptom]:
     """Find a force at standstill that is also present in motion."""
     seen = explain_constant_force(inputs)
-    rest, std = seen.rest_N
+    fit, (rest, std) = inputs.fit_without_learnt_priors, seen.rest_N
     if not np.isfinite(rest):
         return _find_constant_force(inputs)
-    if seen.offset is False or inputs.log_only_fit is None:
+    if seen.offset is False or fit is None:
         return []
     strength = abs(rest) / max(
         LIMITS.standing_reading_std * std,
-        LIMITS.standing_reading_fraction * inputs.log_only_fit.motion.force_95_percentile_newtons,
+        LIMITS.standing_reading_fraction * fit.motion.force_95_percentile_newtons,
     )
     names = inputs.select_measured_channels("force_x_N") or inputs.select_measured_channels(
         "torque_left_N_m", "torque_right_N_m"
@@ -121,7 +121,7 @@ def _format_offset_setting(inputs: FindingInputs, name: str, reading_at_rest: fl
 
 def _find_constant_force(inputs: FindingInputs) -> list[Symptom]:
     """Report a constant force whose cause is open because the machine never stands."""
-    fit = inputs.log_only_fit
+    fit = inputs.fit_without_learnt_priors
     if fit is None:
         return []
     const, std = (float(each[find_term_index("const", fit.terms)]) for each in fit.term_posteriors)
@@ -138,7 +138,7 @@ def _find_constant_force(inputs: FindingInputs) -> list[Symptom]:
 
 def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
     """Find a constant force against the direction of motion."""
-    fit, found = inputs.log_only_fit, rank_causes_by_likelihood(inputs)
+    fit, found = inputs.fit_without_learnt_priors, rank_causes_by_likelihood(inputs)
     if fit is None or inputs.machine.settings.forces.coulomb:  # already in the model
         return []
     motion = fit.motion
@@ -181,7 +181,7 @@ def read_fitted_cause_from_joint_fit(inputs: FindingInputs, term_name: str) -> F
 
     If all starts use one throttle, only the priors of the fit separate it from mass and friction.
     """
-    fit, seen = inputs.log_only_fit, explain_constant_force(inputs)
+    fit, seen = inputs.fit_without_learnt_priors, explain_constant_force(inputs)
     names = [] if fit is None else [term.name for term in fit.terms]
     if fit is None or term_name not in names or not np.isfinite(seen.rest_N[0]):
         return None
@@ -208,13 +208,13 @@ def estimate_mass_change_without_coulomb(
 
 
 def _bound_mass_change_by_wheel_slip(inputs: FindingInputs) -> MassChange | None:
-    fit = inputs.log_only_fit
+    fit = inputs.fit_without_learnt_priors
     return None if fit is None else MassChange(0.0, 0.5 * fit.u_kg)
 
 
 def find_wheel_slip(inputs: FindingInputs) -> list[Symptom]:
     """Find wheels that turn faster than the ground speed while they pull."""
-    fitted, fit = rank_causes_by_likelihood(inputs).get("slip"), inputs.log_only_fit
+    fitted, fit = rank_causes_by_likelihood(inputs).get("slip"), inputs.fit_without_learnt_priors
     if fitted is None or fit is None or fitted.value <= 0.0:
         return []
     at = fitted.value * fit.motion.force_95_percentile_newtons
@@ -260,7 +260,7 @@ def find_driveline_nonlinearity(inputs: FindingInputs) -> list[Symptom]:
 
 def find_force_gain_drift(inputs: FindingInputs) -> list[Symptom]:
     """Find a force gain that changes over the log, or a load that changes steadily."""
-    fit = inputs.log_only_fit
+    fit = inputs.fit_without_learnt_priors
     if fit is None or fit.mass_count > 1:
         return find_drift_among_loads(inputs)
     fitted = rank_causes_by_likelihood(inputs).get("gain_drift")
@@ -332,7 +332,7 @@ def find_lack_of_excitation(inputs: FindingInputs) -> list[Symptom]:
 
 def find_terms_inseparable_from_mass(inputs: FindingInputs) -> list[Symptom]:
     """Find terms that the motion cannot separate from the mass."""
-    fit = inputs.log_only_fit
+    fit = inputs.fit_without_learnt_priors
     if fit is None:
         return []
     parts = fit.compute_u_by_cause_kg(fit.make_mass_coefficients_of_state(fit.most_frequent_state))

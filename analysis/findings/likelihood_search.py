@@ -69,7 +69,7 @@ def rank_causes_by_likelihood(inputs: FindingInputs) -> Mapping[str, FittedCause
 
 
 def _select_causes_stepwise(inputs: FindingInputs) -> dict[str, FittedCause]:
-    fit, noise = inputs.log_only_fit, inputs.column_noise
+    fit, noise = inputs.fit_without_learnt_priors, inputs.column_noise
     if fit is None or noise is None or explain_constant_force(inputs).motion is None:
         return {}
     motion = explain_constant_force(inputs).motion or fit.motion
@@ -198,7 +198,7 @@ def _test_delay_beyond_linearisation(
     inputs: FindingInputs, motion: MotionSamples
 ) -> FittedCause | None:
     """Test a delay that is too long to be linearised, with the lag of the joint fit."""
-    fit = inputs.log_only_fit
+    fit = inputs.fit_without_learnt_priors
     if fit is None or abs(fit.force_delay_s) < LIMITS.long_delay_s:
         return None
     late = correct_channel_delay(motion, "force", fit.force_delay_s)
@@ -312,7 +312,7 @@ def build_whitened_equations(inputs: FindingInputs, motion: MotionSamples) -> Eq
 
     The wheel equation is None without an accelerometer.
     """
-    fit, noise = inputs.log_only_fit, inputs.column_noise
+    fit, noise = inputs.fit_without_learnt_priors, inputs.column_noise
     assert fit is not None
     assert noise is not None
     force = build_whitened_force_rows(

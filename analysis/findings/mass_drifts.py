@@ -50,7 +50,7 @@ def find_steadily_changing_mass(inputs: FindingInputs) -> list[Symptom]:
     The two are compared by the Bayesian information criterion (Schwarz 1978). Masses in the two
     driving directions may differ by a constant, as if loads alternated with the direction.
     """
-    fit = inputs.log_only_fit
+    fit = inputs.fit_without_learnt_priors
     states = None if fit is None else fit.states
     if fit is None or states is None or states.manoeuvre_ids.size < LIMITS.steady_min_manoeuvres:
         return []
@@ -124,7 +124,7 @@ def find_step_of_lightest_load(inputs: FindingInputs) -> list[Symptom]:
     The empty machine recurs: if the lightest load recurs on both sides of a time, but with another
     mass, the scale of force or speed may have changed at that time, or the machine.
     """
-    fit = inputs.log_only_fit
+    fit = inputs.fit_without_learnt_priors
     if fit is None or fit.states is None:
         return []
     states, numbers = fit.states, fit.states.state_of_manoeuvre

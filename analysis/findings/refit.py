@@ -51,9 +51,11 @@ def compute_mass_change_by_refit_with_answer_u(
         relative_u: see `compute_mass_change_by_refit`.
     """
     change = compute_mass_change_by_refit(inputs, correct_motion, relative_u)
-    if change is None or inputs.log_only_fit is None:
+    if change is None or inputs.fit_without_learnt_priors is None:
         return None
-    return MassChange(change.kg, float(np.hypot(change.u_kg, inputs.log_only_fit.u_kg)))
+    return MassChange(
+        change.kg, float(np.hypot(change.u_kg, inputs.fit_without_learnt_priors.u_kg))
+    )
 
 
 def compute_mass_change_by_refit(
@@ -66,7 +68,7 @@ def compute_mass_change_by_refit(
         correct_motion: returns the corrected motion.
         relative_u: relative standard uncertainty of the correction.
     """
-    fit = inputs.log_only_fit
+    fit = inputs.fit_without_learnt_priors
     if fit is None:
         return None
     before, after = (
@@ -104,7 +106,7 @@ def get_uncorrected_mass_kg(inputs: FindingInputs, fit: JointFit) -> float | Non
 
 def _refit_mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None:
     """Mass of a corrected motion by a refit, over the first stretches only of a long log."""
-    fit, noise = inputs.log_only_fit, inputs.column_noise
+    fit, noise = inputs.fit_without_learnt_priors, inputs.column_noise
     if fit is None or noise is None:
         return None
     priors = inputs.machine.settings.priors

@@ -36,7 +36,7 @@ def get_force_residual_spectra(inputs: FindingInputs) -> ResidualSpectra | None:
 
 
 def _compute_force_residual_spectra(inputs: FindingInputs) -> ResidualSpectra | None:
-    fit, aligned, machine = inputs.log_only_fit, inputs.aligned, inputs.machine
+    fit, aligned, machine = inputs.fit_without_learnt_priors, inputs.aligned, inputs.machine
     rate_hz = machine.settings.align.rate_hz
     if rate_hz <= 2.0 * LIMITS.reference_band_hz[0]:
         return None
@@ -77,8 +77,9 @@ def fit_pooled_mass_and_friction(inputs: FindingInputs) -> tuple[float, float]:
         both = [get_column_values(pooled, name) for name in ("mass_kg", "friction_x_N_s_m")]
         if pooled.height and np.isfinite(both).all():
             return float(both[0][0]), float(both[1][0])
-    if inputs.log_only_fit is not None:
-        return (inputs.log_only_fit.mass_kg, inputs.log_only_fit.viscous_friction)
+    fit = inputs.fit_without_learnt_priors
+    if fit is not None:
+        return fit.mass_kg, fit.viscous_friction
     return inputs.check_inputs.straight_motion.ungated_fit.value, 0.0
 
 
@@ -117,7 +118,7 @@ def _median_power_in_band(hz: Floats, spectrum: Floats, low_hz: float, high_hz: 
 
 def find_resonance_of_residual(inputs: FindingInputs) -> list[Symptom]:
     """Find a mass on a spring, or a peak in the ratio of spectra in motion and at standstill."""
-    fit = inputs.log_only_fit
+    fit = inputs.fit_without_learnt_priors
     springs = [each for each in inputs.reportable_missing_terms if each.term is ELASTICITY]
     if fit is not None and springs:
         (spring,) = springs
@@ -193,7 +194,7 @@ def find_slow_noise_at_standstill(inputs: FindingInputs) -> list[Symptom]:
 
 def find_force_hysteresis(inputs: FindingInputs) -> list[Symptom]:
     """Report hysteresis of the force, for which the fit has corrected the mass."""
-    fit = inputs.log_only_fit
+    fit = inputs.fit_without_learnt_priors
     if fit is None or fit.hysteresis_kg is None:
         return []
     half_N = fit.estimate_of_term(HYSTERESIS.name)
@@ -215,7 +216,7 @@ def find_force_hysteresis(inputs: FindingInputs) -> list[Symptom]:
 
 def find_warming_friction(inputs: FindingInputs) -> list[Symptom]:
     """Find Coulomb friction or rolling resistance that changes after the beginning of the log."""
-    fit = inputs.log_only_fit
+    fit = inputs.fit_without_learnt_priors
     found = [each for each in inputs.reportable_missing_terms if each.term is WARMING]
     if fit is None or not found:
         return []
@@ -234,7 +235,7 @@ def find_warming_friction(inputs: FindingInputs) -> list[Symptom]:
 
 def find_missing_model_term(inputs: FindingInputs) -> list[Symptom]:
     """Report the term with the largest effect on a mass among those that the model lacks."""
-    fit = inputs.log_only_fit
+    fit = inputs.fit_without_learnt_priors
     named = [
         each for each in inputs.reportable_missing_terms if each.term not in (ELASTICITY, WARMING)
     ]

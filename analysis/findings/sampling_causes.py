@@ -230,7 +230,7 @@ def find_header_clock_drift(inputs: FindingInputs) -> list[Symptom]:
         drift.drift_ppm / (LIMITS.clock_drift_std * drift.drift_std_ppm),
         apart_s / LIMITS.clock_drift_s,
     )
-    fit = inputs.log_only_fit
+    fit = inputs.fit_without_learnt_priors
     # the wrong clock is attributed by the force: either it becomes late or the other one does
     wrong = attribute_clock_drift_to_channel(inputs, drift.faster, drift.slower)
     explains = "" if fit is None else f", {1e3 * apart_s:.1f} ms over the log"

@@ -313,7 +313,7 @@ def _find_wrong_unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
     """Compare the mass with that of the empty machine."""
     ratio = inputs.value_by_check.get("empty_mass_ratio", np.nan)
     empty_kg = inputs.machine.machine.empty_mass_kg
-    fit = inputs.log_only_fit
+    fit = inputs.fit_without_learnt_priors
     if fit is not None and empty_kg and fit.mass_kg > 0:
         ratio = fit.mass_kg / empty_kg
     names = inputs.select_measured_channels("force_x_N") or inputs.select_measured_channels(

@@ -134,7 +134,7 @@ class Weighing:
 
     @property
     def fit_without_learnt_priors(self) -> JointFit:
-        """The fit from this log alone, without learnt priors."""
+        """The fit of this log alone, without priors learnt by a calibration."""
         return (
             self.fit
             if self.fit_without_learnt_priors_or_none is None

@@ -27,8 +27,8 @@ def test_a_filter_of_the_accelerometer_is_named_where_one_is_measured(
     monkeypatch.setattr("replay.pipeline.find_causes", keep)
     replayed(design(7, odd=False), (), (), ways)
     inputs = kept[0]
-    assert inputs.log_only_fit is not None
-    force, _ = build_whitened_equations(inputs, inputs.log_only_fit.motion)
+    assert inputs.fit_without_learnt_priors is not None
+    force, _ = build_whitened_equations(inputs, inputs.fit_without_learnt_priors.motion)
     assert ("delay:imu" in force.columns) is has_one
     inputs.cache["selected_causes"] = {"delay:imu": FittedCause("delay:imu", 0.4, 0.1, 400.0, ())}
     named = find_low_passed_accelerometer(inputs)
