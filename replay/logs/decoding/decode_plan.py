@@ -30,7 +30,7 @@ from replay.logs.decoding.walk_program import (
     WalkNotes,
     WalkOutcome,
     allocate_message_layout_template,
-    read_encapsulations,
+    read_encapsulation_identifiers,
 )
 from replay.logs.decoding.wire import ENCAPSULATIONS, REFUSED, ROS1, WireEncoding
 from replay.logs.messages.message_fields import ALL, OWN_COLUMNS, Field, resolve_message_field
@@ -116,10 +116,9 @@ class BatchPass:
         if whole.all():
             return WalkedBatch(columns, whole, "")
         first = int(np.argmin(whole))
-        where = (
-            f"(at its byte {self._outcome.places[first] + self._program.wire.encapsulation_bytes})"
-        )
-        return WalkedBatch(columns, whole, f"{FAULTS[self._outcome.faults[first]]} {where}")
+        at = self._outcome.places[first] + self._program.wire.encapsulation_size_bytes
+        fault = f"{FAULTS[self._outcome.faults[first]]} (at its byte {at})"
+        return WalkedBatch(columns, whole, fault)
 
 
 def _allocate_walk_notes(program: DecodeProgram, elements_of_nodes: Ints) -> WalkNotes:
@@ -185,12 +184,12 @@ class DecodePlan:
     def begin_decoding(self, batch: RawBatch, submit: Submit) -> Callable[[], DecodedBatch]:
         """See `Decoder.begin_decoding`."""
         if self._ros1:
-            kinds = np.zeros(batch.message_count, np.int64)
+            found = np.zeros(batch.message_count, np.int64)
         else:
-            kinds = read_encapsulations(batch.data, batch.offsets, batch.lengths)
-        if not batch.message_count or (kinds[0] != kinds).any() or int(kinds[0]) not in self._wires:
-            return lambda: self._decode_mixed_encapsulations(batch, kinds)
-        finish = self._begin_decoding_one_encapsulation(batch, int(kinds[0]), submit)
+            found = read_encapsulation_identifiers(batch.data, batch.offsets, batch.lengths)
+        if not batch.message_count or (found[0] != found).any() or int(found[0]) not in self._wires:
+            return lambda: self._decode_mixed_encapsulations(batch, found)
+        finish = self._begin_decoding_one_encapsulation(batch, int(found[0]), submit)
 
         def finish_decoding() -> DecodedBatch:
             part = finish()
@@ -248,8 +247,8 @@ class DecodePlan:
             program,
             direct,
             batch.data,
-            batch.offsets + wire.encapsulation_bytes,
-            batch.lengths - wire.encapsulation_bytes,
+            batch.offsets + wire.encapsulation_size_bytes,
+            batch.lengths - wire.encapsulation_size_bytes,
             swap=wire.cdr and encapsulation % 2 == 0,
         )
         wait = submit(batch_pass.locate_and_gather_fields_of_batch)

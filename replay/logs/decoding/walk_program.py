@@ -435,22 +435,22 @@ def _append_range_to_compare(ranges: Ints, range_count: int, start: int, end: in
     return range_count + 1
 
 
-def read_encapsulations(data: NDArray[np.uint8], offsets: Ints, lengths: Ints) -> Ints:
-    """Read the first two bytes of each message's encapsulation as a big-endian number, (n,)."""
-    kinds = np.empty(offsets.size, np.int64)
-    _fill_encapsulations(data, offsets, lengths, kinds)
-    return kinds
+def read_encapsulation_identifiers(data: NDArray[np.uint8], offsets: Ints, lengths: Ints) -> Ints:
+    """Read each message's encapsulation identifier, its first two bytes big-endian, (n,)."""
+    identifiers = np.empty(offsets.size, np.int64)
+    _fill_encapsulation_identifiers(data, offsets, lengths, identifiers)
+    return identifiers
 
 
 @compiled
-def _fill_encapsulations(
-    data: NDArray[np.uint8], offsets: Ints, lengths: Ints, out_encapsulations: Ints
+def _fill_encapsulation_identifiers(
+    data: NDArray[np.uint8], offsets: Ints, lengths: Ints, out_identifiers: Ints
 ) -> None:
     for k in range(offsets.size):
         if k + _AHEAD < offsets.size:
             fetch(data, offsets[k + _AHEAD])
         at = offsets[k]
-        out_encapsulations[k] = (
+        out_identifiers[k] = (
             np.int64(data[at]) << 8 | data[at + 1] if lengths[k] >= 4 else TOO_SHORT
         )
 

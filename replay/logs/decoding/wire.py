@@ -28,8 +28,8 @@ class WireEncoding:
     delimited_lists: bool = False
 
     @property
-    def encapsulation_bytes(self) -> int:
-        """Bytes of the encapsulation."""
+    def encapsulation_size_bytes(self) -> int:
+        """Number of bytes of the encapsulation."""
         return 4 if self.cdr else 0
 
     @property
