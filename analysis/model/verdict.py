@@ -99,7 +99,7 @@ class Verdict:
         return self.has_spins and not signless and not self.list_withholding_checks("inertia")
 
     @property
-    def checks_beyond_limit(self) -> tuple[Check, ...]:
+    def withholding_checks_beyond_limit(self) -> tuple[Check, ...]:
         """Withholding checks that failed because of their value, not for lack of data."""
         return tuple(
             check

@@ -213,7 +213,8 @@ def fit_all_motion_and_make_row(
     unexplained = np.divide(estimate.residual_rms**2, variance, out=out, where=variance > 0.0)
     row["r_squared_x_1"], row["r_squared_z_1"] = (1.0 - unexplained).tolist()
     believed = is_joint_planar_fit_plausible(plane, estimate, row, settings) and not any(
-        does_check_concern_joint_motion(check, log.machine) for check in verdict.checks_beyond_limit
+        does_check_concern_joint_motion(each, log.machine)
+        for each in verdict.withholding_checks_beyond_limit
     )
     reason = "accepted" if estimate.identifiability.identifiable.any() else "ill_conditioned"
     return _make_outcome_row(row, reason, withheld=not believed), fitted
@@ -384,10 +385,8 @@ def _make_fit_row(
         row[column] = join_missing_setting_names(
             estimate, wanted, fitted.response_names, log.machine
         )
-    for name, rms in zip(
-        ("residual_rms_N", "residual_rms_N_m"), estimate.residual_rms, strict=False
-    ):
-        row[name] = float(rms)
+    names = ("residual_rms_N", "residual_rms_N_m")
+    row |= dict(zip(names, estimate.residual_rms.tolist(), strict=False))
     return row
 
 
