@@ -386,7 +386,7 @@ def compute_common_payload_uncertainty(
     covariance = of_states.T @ (posterior.noise + posterior.scatter)[:count, :count] @ of_states
     empty = np.zeros(passes.mass_kg.size)
     if datum is not None:
-        share = passes.weigh_empty_passes(machine.machine.empty_mass_kg)
+        share = passes.compute_averaging_weights_of_empty_passes(machine.machine.empty_mass_kg)
         empty = -datum.gain_per_kg * share / share.sum()
     return _CommonUncertainty(
         float(np.sqrt(common**2 + max(kept, 0.0))) / total_kg,

@@ -119,7 +119,7 @@ def weigh_empty_machine(
     empty = ~passes.loaded
     if weighing is None or weighing.fit.states is None or not empty.any():
         return None
-    share = passes.weigh_empty_passes(machine.machine.empty_mass_kg)
+    share = passes.compute_averaging_weights_of_empty_passes(machine.machine.empty_mass_kg)
     share /= share.sum()
     least_kg, least_u_kg = estimate_clean_machine_mass_and_u_kg(passes)
     carried_kg = max(float(share @ passes.drift_corrected_masses_kg) - least_kg, 0.0)

@@ -75,8 +75,8 @@ class LoadPasses:
             int(empties[place]) if place < empties.size else None,
         )
 
-    def weigh_empty_passes(self, stated_kg: float | None) -> Floats:
-        """(passes,) statistical weights of the empty passes in the empty machine's mass.
+    def compute_averaging_weights_of_empty_passes(self, stated_kg: float | None) -> Floats:
+        """(passes,) weight of each empty pass in the average mass of the empty machine.
 
         If that mass has a step, only the passes on the side nearer to the stated mass have weight.
 
