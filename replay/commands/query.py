@@ -32,7 +32,7 @@ def command(
     tables: Annotated[
         bool, typer.Option("--tables", help="List the tables and their columns; needs no SELECT.")
     ] = False,
-    join_within_s: Annotated[
+    merge_within_s: Annotated[
         float | None,
         typer.Option(
             "--moments",
@@ -70,10 +70,10 @@ def command(
     chosen = choose_output_format(output_format and output_format.value, output)
     asked = prepare_query_of_sources(sources[:-1], sources[-1], axis)
     try:
-        if output is not None and join_within_s is None and chosen in _STREAMED:
+        if output is not None and merge_within_s is None and chosen in _STREAMED:
             asked.write_rows_to_file(output, chosen, overwrites=force)
         else:
-            _print_or_write_query_rows(asked, join_within_s, chosen, output, overwrites=force)
+            _print_or_write_query_rows(asked, merge_within_s, chosen, output, overwrites=force)
     finally:
         for loss in dict.fromkeys(map(str, asked.named.losses)):
             typer.echo(f"lost: {loss}", err=True)
@@ -81,7 +81,7 @@ def command(
 
 def _print_or_write_query_rows(
     query: "Query",
-    join_within_s: float | None,
+    merge_within_s: float | None,
     output_format: str,
     output_path: Path | None,
     *,
@@ -96,11 +96,11 @@ def _print_or_write_query_rows(
 
     if output_path is not None:
         require_writable_output(output_path, overwrites=overwrites)
-    rows = query.collect_rows(join_within_s)
+    rows = query.collect_rows(merge_within_s)
     if output_format == "table" and output_path is None:
         print_frame_as_table(rows)
         opens = query.format_viewer_command_of_rows(rows)
-        if opens and join_within_s is None:
+        if opens and merge_within_s is None:
             typer.echo(f"the first row in the viewer: {opens}", err=True)
         return
     print_or_write_frame(

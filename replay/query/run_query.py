@@ -45,18 +45,18 @@ class Query:
     named: NamedTables
     rows: pl.LazyFrame
 
-    def collect_rows(self, join_within_s: float | None = None) -> pl.DataFrame:
-        """Compute the rows; with `join_within_s`, group rows at most that far apart into moments.
+    def collect_rows(self, merge_within_s: float | None = None) -> pl.DataFrame:
+        """Compute the rows; with `merge_within_s`, group rows at most that far apart into moments.
 
         Raises:
             PayscopeError: a log cannot be read, or rows cannot be computed.
         """
         with self._convert_to_query_errors():
             rows = self.rows.collect(engine="streaming")
-        if join_within_s is None:
+        if merge_within_s is None:
             return rows
         return merge_rows_near_in_time_with_open_commands(
-            rows, join_within_s, self.named.recordings, self.named.fleet
+            rows, merge_within_s, self.named.recordings, self.named.fleet
         )
 
     def write_rows_to_file(self, path: Path, file_format: str, *, overwrites: bool) -> None:
@@ -133,14 +133,14 @@ def prepare_query_of_sources(
 
 
 def merge_rows_near_in_time_with_open_commands(
-    rows: pl.DataFrame, join_within_s: float, recordings: Sequence[Path], fleet: str | None
+    rows: pl.DataFrame, merge_within_s: float, recordings: Sequence[Path], fleet: str | None
 ) -> pl.DataFrame:
     """Group rows that are close in time into moments.
 
     Args:
         rows: rows with `at_s` or `log_time`; those of several recordings also with `source` or
             `key`.
-        join_within_s: largest distance in seconds between rows of one moment.
+        merge_within_s: largest distance in seconds between rows of one moment.
         recordings: queried recordings.
         fleet: queried results of a fleet, if any.
 
@@ -160,7 +160,7 @@ def merge_rows_near_in_time_with_open_commands(
     by = [name for name in (SOURCE, _KEY) if name in rows.columns]
     start, end = ("from_s", "to_s") if time == AT_S else ("from", "to")
     apart: Any = (
-        join_within_s if time == AT_S else pl.duration(microseconds=round(join_within_s * 1e6))
+        merge_within_s if time == AT_S else pl.duration(microseconds=round(merge_within_s * 1e6))
     )
     is_new = (pl.col(time).diff() > apart).fill_null(value=False).cum_sum()
     number = is_new.over(by) if by else is_new

@@ -23,7 +23,7 @@ def test_tables_are_joined_and_summed(kept: Path) -> None:
 
 def test_query_takes_results_too_and_opens_their_moments(kept: Path) -> None:
     sql = "SELECT key, at_s FROM segments WHERE samples_accepted > 0"
-    found = prepare_query_of_sources([str(kept)], sql).collect_rows(join_within_s=5.0)
+    found = prepare_query_of_sources([str(kept)], sql).collect_rows(merge_within_s=5.0)
     assert found["key"].n_unique() == 6
     first = found.row(0, named=True)
     assert first["opens"] == (

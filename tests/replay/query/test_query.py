@@ -115,7 +115,7 @@ def test_moments_of_two_recordings_open_their_own(folder: Path) -> None:
     asked = prepare_query_of_sources(
         [*map(str, recordings)], "SELECT source, at_s FROM aligned WHERE at_s < 2"
     )
-    found = asked.collect_rows(join_within_s=0.5)
+    found = asked.collect_rows(merge_within_s=0.5)
     assert found["opens"].to_list() == [f"payscope view {each} --at 0.000" for each in recordings]
 
 
