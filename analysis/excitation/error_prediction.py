@@ -96,7 +96,7 @@ class Filters:
         ones = np.full(self.samples, 1.0 / self.samples)
         return (np.r_[0.0, 0.0, ones] - np.r_[ones, 0.0, 0.0]) * self.rate_hz / 2.0
 
-    def compute_filtered_regressor_rows(
+    def compute_filtered_regressor_and_forces(
         self, raw_channels: MeasuredSignals
     ) -> tuple[Floats, Floats]:
         """Filtered regressor of all six parameters from raw channels of n + margin samples.
@@ -131,7 +131,7 @@ def make_whitened_window_system(
         raw_channels: the channels, true or noisy.
         noise: noise of one sample; only that of force and torque is used.
     """
-    A, y = filters.compute_filtered_regressor_rows(raw_channels)
+    A, y = filters.compute_filtered_regressor_and_forces(raw_channels)
     rows, weights = _ROWS[motion_kind], compute_reciprocal_row_noise_stds(motion_kind, noise)
     part = A[:, rows][:, :, COLUMNS[motion_kind]] * weights[:, None]
     return part.reshape(-1, part.shape[-1]), (y[:, rows] * weights).ravel()
@@ -208,7 +208,7 @@ def predict_estimate_errors_of_drive(
     bias = inverse @ y - theta
     phi = np.zeros(len(planar_rows.PARAMETERS))
     phi[columns] = theta
-    full = filters.compute_filtered_regressor_rows(truth)[0]
+    full = filters.compute_filtered_regressor_and_forces(truth)[0]
     predictions: dict[str, ErrorPrediction] = {}
     for name, (value, gradient) in compute_true_quantities_and_gradients(body).items():
         if set(np.flatnonzero(gradient)) <= set(columns):
@@ -281,7 +281,7 @@ def compute_expected_regressor_noise_squares(
     )
     s_x, s_y, speed, yaw_rate = (float(each) ** 2 * mean for each in noise[2:])
     turn = float(noise.yaw_rate_rad_s) ** 2 * difference
-    A, _ = filters.compute_filtered_regressor_rows(truth)
+    A, _ = filters.compute_filtered_regressor_and_forces(truth)
     samples = A.shape[0]
     omega = A[:, 1, planar_rows.PARAMETERS.index("friction_z_N_m_s")]
     square = 4.0 * float(omega @ omega) / samples * yaw_rate

@@ -85,7 +85,7 @@ def compute_log_odds_of_changes_by_place(
     return float(np.logaddexp(LOG_HALF, LOG_HALF + by_place - by_kind))
 
 
-def list_partitions_by_place(units: UnitLevels) -> list[Ints]:
+def list_partitions_changing_at_places(units: UnitLevels) -> list[Ints]:
     """List the partitions that change at each boundary of one recurrent place, or of two."""
     if units.place is None:
         return []

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_unless_short_log
-from estimators.joint.change_rates import list_partitions_by_place
+from estimators.joint.change_rates import list_partitions_changing_at_places
 from estimators.joint.joint_limits import LIMITS
 from estimators.joint.partition_posterior import Partition, PartitionPosterior, Stretches
 from estimators.joint.unit_levels import (
@@ -85,7 +85,7 @@ def find_best_partitions(
     # with many changes, the effects fitted with one level hide them from searches that start there
     least_kinds = (TURNED, RESTARTED, HINTED, DUMPED, FILLED, NAMED)
     hinted = [np.append(0, np.cumsum(unit_values.kind >= least)) for least in least_kinds if n > 1]
-    by_place = list_partitions_by_place(unit_values)
+    by_place = list_partitions_changing_at_places(unit_values)
     noise_alone = PartitionPosterior(unit_values, max_level_distance, 0.0, None)
     start = [
         noise_alone.estimate_shared_effects(one),

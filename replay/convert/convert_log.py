@@ -210,7 +210,7 @@ class RunningConversion:
             else:
                 if self._do_rows_match_index(done):
                     return ConvertedSpans(done, resumed_spans)
-        working_folder.remove_all_content()
+        working_folder.remove_content_except_lock()
         self._faults.clear()
         on_span("convert 1 of 1")
         return ConvertedSpans([self._convert_time_span(working_folder.path, 0, None, None)], 0)

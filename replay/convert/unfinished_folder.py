@@ -138,7 +138,7 @@ class UnfinishedFolder:
             The completed spans, from the first on.
         """
         if load_json_model_or_none(self.path / _PLAN, ConversionPlan) != conversion_plan:
-            self.remove_all_content()
+            self.remove_content_except_lock()
             write_file_atomically(self.path / _PLAN, conversion_plan.model_dump_json(indent=1))
             return []
         done: list[FinishedSpan] = []
@@ -160,7 +160,7 @@ class UnfinishedFolder:
         )
         return span
 
-    def remove_all_content(self) -> None:
+    def remove_content_except_lock(self) -> None:
         """Remove everything in the folder except its lock."""
         for each in self.path.iterdir():
             if each.is_dir():

@@ -182,12 +182,12 @@ def _iter_toml_blocks_of_campaign_runs(
         if dated and isinstance(start_ns, int)
         else '"TODO"                    # this log has no date'
     )
-    for stretch, said in _iter_load_state_spans(log, machine):
+    for span_lines, mass in _draft_load_state_spans(log, machine):
         lines = [
             "[[runs]]",
             f"log = {format_toml(log_name)}",
-            *stretch,
-            f'loads = ["TODO"]               # ids of the masses on board; [] without load{said}',
+            *span_lines,
+            f'loads = ["TODO"]               # ids of the masses on board; [] without load{mass}',
             f"day = {day}",
             'operator = ""',
             "",
@@ -195,20 +195,20 @@ def _iter_toml_blocks_of_campaign_runs(
         yield "\n".join(lines)
 
 
-class _LoadStateSpan(NamedTuple):
-    """TOML keys of a run with one load state, and its estimated mass as text."""
+class _LoadStateDraft(NamedTuple):
+    """TOML lines of a run with one load state, and its estimated mass as text."""
 
     lines: list[str]
     mass_text: str
 
 
-def _iter_load_state_spans(log: Log, machine: Machine | None) -> Iterator[_LoadStateSpan]:
-    """Yield the TOML keys with start and end of each load state, and its estimated mass."""
+def _draft_load_state_spans(log: Log, machine: Machine | None) -> Iterator[_LoadStateDraft]:
+    """Yield the TOML lines with start and end of each load state, and its estimated mass."""
     loads = pl.DataFrame() if machine is None else run(log, machine).frames["loads"]
     rows = loads.to_dicts()
     if len(rows) < 2:
         seen = f"; {rows[0]['mass_kg']:.0f} kg uncalibrated" if rows and rows[0]["mass_kg"] else ""
-        yield _LoadStateSpan([], seen)
+        yield _LoadStateDraft([], seen)
         return
     # a run ends midway between two loads, while the machine stood
     middles = [(before["end_t_ns"] + after["start_t_ns"]) / 2e9 for before, after in pairwise(rows)]
@@ -217,7 +217,7 @@ def _iter_load_state_spans(log: Log, machine: Machine | None) -> Iterator[_LoadS
             *([] if start is None else [f"from_s = {start:.1f}"]),
             *([] if end is None else [f"to_s = {end:.1f}"]),
         ]
-        yield _LoadStateSpan(
+        yield _LoadStateDraft(
             stretch, f"; {row['mass_kg']:.0f} kg uncalibrated" if row["mass_kg"] else ""
         )
 

@@ -39,7 +39,7 @@ def propose_force_of_drives(columns: Sequence[LogColumn], recognition: Recogniti
     sketches = (
         add_forces_of_both_sides,
         propose_torques_without_unit,
-        propose_force_from_unnamed_sides,
+        propose_wheel_torques_without_side,
         _propose_force_from_engine,
         propose_force_from_motors_of_both_sides,
         propose_force_from_motor,
@@ -94,10 +94,10 @@ def propose_torques_without_unit(columns: Sequence[LogColumn], recognition: Reco
     return True
 
 
-def propose_force_from_unnamed_sides(
+def propose_wheel_torques_without_side(
     columns: Sequence[LogColumn], recognition: Recognition
 ) -> bool:
-    """Propose a force from two wheel torques without a side; return whether there are any."""
+    """Propose two wheel torques without a side as left and right; return whether there are any."""
     torques = [
         c
         for c in columns

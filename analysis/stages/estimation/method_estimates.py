@@ -192,7 +192,7 @@ def summarise_masses(
             method: select_estimate_rows_of_axis(axis, frame) for method, frame in estimates.items()
         }
         known = collect_axis_noise(axis, machine.settings, noise)
-        totals = estimate_log_parameters_and_stds_by_method(
+        totals = estimate_whole_log_parameters_and_stds(
             axis, excitation, gated, rows, machine.settings, known
         )
         columns |= make_parameter_columns(axis, *totals)
@@ -249,7 +249,7 @@ def fit_parameters_and_stds_to_accepted_samples(
     return whole.theta[0], whole.std[0]
 
 
-def estimate_log_parameters_and_stds_by_method(
+def estimate_whole_log_parameters_and_stds(
     axis: Axis,
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
@@ -257,7 +257,7 @@ def estimate_log_parameters_and_stds_by_method(
     settings: Settings,
     noise: AxisNoise,
 ) -> tuple[Floats, Floats]:
-    """Parameters and standard deviations, (methods, p) each; NaN without an estimate."""
+    """Parameters and stds of the whole log, (methods, p) each; NaN without an estimate."""
     A, f = make_regressor_and_force(axis, excitation, settings)
     t_ns = excitation["t_ns"].to_numpy()
     theta = np.full((len(estimates), A.shape[1]), np.nan)

@@ -76,7 +76,7 @@ class Container(Protocol):
         ...
 
     def check_whole_file_and_count_valid_crcs(self) -> int:
-        """Check the rest of the files after all messages were read.
+        """Check the files from start to end, after all messages were read.
 
         Returns:
             Number of CRCs that agree, including those of messages.

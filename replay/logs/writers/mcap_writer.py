@@ -55,11 +55,11 @@ def write_mcap(log: SimulatedLog, path: Path) -> None:
 
     store = get_typestore(Stores.ROS2_HUMBLE)
     numbers = {name: number for number, name in enumerate(log.topics, 1)}
-    channels: list[ChannelRecord] = []
+    channels: list[SchemaAndChannel] = []
     for name, number in numbers.items():
         topic = TOPICS[name]
         definition, _ = store.generate_msgdef(topic.msgtype, ros_version=2)
-        channels.append(make_channel_record(number, topic.name, topic.msgtype, definition))
+        channels.append(make_schema_and_channel(number, topic.name, topic.msgtype, definition))
     with path.open("xb") as file:
         made = McapColumnWriter(file, channels)
         made.write_all_messages(
@@ -82,22 +82,22 @@ def make_mcap_message_envelope(channel: int, times: Ints) -> Envelope:
     return record_head
 
 
-class ChannelRecord(NamedTuple):
+class SchemaAndChannel(NamedTuple):
     """A channel and its schema."""
 
     schema: Schema
     channel: Channel
 
 
-def make_channel_record(
+def make_schema_and_channel(
     channel_id: int,
     topic: str,
     msgtype: str,
     definition: str,
     metadata: Mapping[str, str] = MappingProxyType({}),
-) -> ChannelRecord:
-    """Make a channel of CDR messages, and its schema with the same id."""
-    return ChannelRecord(
+) -> SchemaAndChannel:
+    """Make a channel of CDR messages and its schema, both with the same id."""
+    return SchemaAndChannel(
         Schema(id=channel_id, data=definition.encode(), encoding="ros2msg", name=msgtype),
         Channel(
             id=channel_id,
@@ -140,7 +140,7 @@ class McapColumnWriter:
     """
 
     file: BinaryIO
-    channels: Sequence[ChannelRecord]
+    channels: Sequence[SchemaAndChannel]
     packed: bool = True
     statistics: Statistics = field(init=False, default_factory=_make_empty_statistics)
     _indexes: list[ChunkIndex] = field(init=False, default_factory=list[ChunkIndex])

@@ -13,10 +13,10 @@ from rosbags.typesys import Stores, get_typestore
 from analysis.simulation import SimulatedLog
 from estimators.arrays import Ints
 from replay.logs.writers.mcap_writer import (
-    ChannelRecord,
     McapColumnWriter,
-    make_channel_record,
+    SchemaAndChannel,
     make_mcap_message_envelope,
+    make_schema_and_channel,
 )
 from replay.logs.writers.recorded_order import RecordedTopic, iter_records_in_time_order
 from replay.logs.writers.ros_messages import TOPICS, make_recorded_topics
@@ -79,7 +79,7 @@ class _Storage:
         del compression  # none is requested
         self.path = path / f"{path.name}.mcap"
         self._file = self.path.open("xb")
-        self._channels: list[ChannelRecord] = []
+        self._channels: list[SchemaAndChannel] = []
         self._mcap = McapColumnWriter(self._file, self._channels, packed=False)
 
     def add_msgtype(self, connection: "Connection") -> None:
@@ -87,7 +87,7 @@ class _Storage:
 
     def add_connection(self, connection: "Connection", offered_qos_profiles: str) -> None:
         self._channels.append(
-            make_channel_record(
+            make_schema_and_channel(
                 connection.id,
                 connection.topic,
                 connection.msgtype,
