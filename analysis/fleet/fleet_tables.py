@@ -41,8 +41,10 @@ RESULTS: Final = Frame(
         Column("losses", pl.Int64, "1", "losses of the log"),
         Column("first_loss", pl.String, "1", "the first of them, in a sentence"),
         make_float_column("duration_s", "s", "from the first sample to the last"),
-        make_float_column("gap_s", "s", "part of that without a recording"),
-        make_float_column("idle_s", "s", "part of that in standstills of more than half a minute"),
+        make_float_column("gap_s", "s", "part of duration_s without a recording"),
+        make_float_column(
+            "idle_s", "s", "part of duration_s in standstills of more than half a minute"
+        ),
         make_float_column("longest_gap_at_s", "s", "where the longest gap begins (null: no gap)"),
         make_float_column("accepted_1", "1", "share of the time that the gate accepted"),
         Column("cycles", pl.Int64, "1", "cycles that were seen"),

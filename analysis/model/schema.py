@@ -293,7 +293,7 @@ FRAMES: Final[dict[str, Frame]] = {
                     "1",
                     "share of noise in the variance that the yaw acceleration explains",
                 ),
-                Column("accepted_z", pl.Boolean, "1", "whether the window is used for spins"),
+                Column("accepted_z", pl.Boolean, "1", "whether the window is used for inertia"),
                 Column("reason_z", REASON, "1", "why, or why not"),
             ),
         ),
@@ -547,8 +547,8 @@ FRAMES: Final[dict[str, Frame]] = {
                 ),
                 make_float_column("return_s", "s", "from the previous dump to digging"),
                 make_float_column("load_s", "s", "from digging to the first start with the load"),
-                make_float_column("haul_s", "s", "from there to the stop for dumping"),
-                make_float_column("dump_s", "s", "that stand"),
+                make_float_column("haul_s", "s", "from that start to the stop for dumping"),
+                make_float_column("dump_s", "s", "duration of the stop for dumping"),
                 Column("manoeuvres", pl.Int64, "1", "manoeuvres with the load that were fitted"),
                 Column("loaded_id", pl.Int64, "1", "number of the loaded pass"),
                 make_float_column("loaded_kg", "kg", "mass of the loaded pass"),
@@ -664,9 +664,9 @@ FRAMES: Final[dict[str, Frame]] = {
                 make_float_column(
                     "on_board_kg", "kg", "load that is not dumped when the recording ends"
                 ),
-                make_float_column("on_board_u_kg", "kg", "standard uncertainty of that"),
+                make_float_column("on_board_u_kg", "kg", "standard uncertainty of on_board_kg"),
                 make_float_column("total_kg", "kg", "dumped: counted, uncounted and lost loads"),
-                make_float_column("total_u_kg", "kg", "standard uncertainty of that"),
+                make_float_column("total_u_kg", "kg", "standard uncertainty of total_kg"),
                 make_float_column(
                     "min_detectable_kg",
                     "kg",
@@ -684,9 +684,9 @@ FRAMES: Final[dict[str, Frame]] = {
                 ),
                 make_float_column("gain_u_1", "1", "its standard uncertainty"),
                 make_float_column("duration_s", "s", "from the first sample to the last"),
-                make_float_column("gap_s", "s", "part of that without a recording"),
+                make_float_column("gap_s", "s", "part of duration_s without a recording"),
                 make_float_column(
-                    "idle_s", "s", "part of that in standstills of more than half a minute"
+                    "idle_s", "s", "part of duration_s in standstills of more than half a minute"
                 ),
                 make_float_column(
                     "utilisation_1", "1", "share of the recorded time without idling"
@@ -704,7 +704,9 @@ FRAMES: Final[dict[str, Frame]] = {
                     "prior_std", "1", "standard deviation of its prior (in its unit)"
                 ),
                 make_float_column("posterior", "1", "posterior estimate by this log (in its unit)"),
-                make_float_column("posterior_std", "1", "standard deviation of that (in its unit)"),
+                make_float_column(
+                    "posterior_std", "1", "standard deviation of posterior (in its unit)"
+                ),
                 make_float_column(
                     "u_kg", "kg", "contribution of its prior to the mass' uncertainty"
                 ),
@@ -713,7 +715,7 @@ FRAMES: Final[dict[str, Frame]] = {
                     "prior_mean_u", "1", "standard uncertainty of a learnt prior's mean"
                 ),
                 make_float_column("alone", "1", "estimate by this log without learnt priors"),
-                make_float_column("alone_std", "1", "standard deviation of that (in its unit)"),
+                make_float_column("alone_std", "1", "standard deviation of alone (in its unit)"),
                 make_float_column(
                     "alone_prior_mean", "1", "mean of its unlearnt prior (in its unit)"
                 ),
@@ -790,12 +792,12 @@ FRAMES: Final[dict[str, Frame]] = {
             "a row for each cause that this log shows, the likeliest first: its effect and "
             "its remedy",
             (
-                Column("rank", pl.Int64, "1", "1 is the first"),
+                Column("rank", pl.Int64, "1", "rank of the cause; 1 is the likeliest"),
                 Column("cause", pl.String, "1", "its key in the table of causes"),
                 Column("severity", pl.String, "1", "consequence: withhold, widen, tell"),
                 Column("channel", pl.String, "1", "its channel (null: no single one)"),
-                Column("start_t_ns", pl.Int64, "ns", "from where on (null: the whole log)"),
-                Column("end_t_ns", pl.Int64, "ns", "up to where (null: the whole log)"),
+                Column("start_t_ns", pl.Int64, "ns", "start of its stretch (null: the whole log)"),
+                Column("end_t_ns", pl.Int64, "ns", "end of its stretch (null: the whole log)"),
                 make_float_column(
                     "strength_1",
                     "1",
@@ -803,9 +805,11 @@ FRAMES: Final[dict[str, Frame]] = {
                 ),
                 Column("evidence", pl.String, "1", "what was measured, in a sentence"),
                 make_float_column(
-                    "mass_change_kg", "kg", "change of the mass by correcting it (null: unknown)"
+                    "mass_change_kg", "kg", "change of the mass if corrected (null: unknown)"
                 ),
-                make_float_column("mass_change_u_kg", "kg", "standard uncertainty of that"),
+                make_float_column(
+                    "mass_change_u_kg", "kg", "standard uncertainty of mass_change_kg"
+                ),
                 Column(
                     "setting",
                     pl.String,
@@ -862,7 +866,7 @@ FRAMES: Final[dict[str, Frame]] = {
                 make_float_column(
                     "line_u_kg", "kg", "standard uncertainty of a mass at valid_to_kg"
                 ),
-                make_float_column("coverage_k_1", "1", "coverage factor of that"),
+                make_float_column("coverage_k_1", "1", "coverage factor for line_u_kg"),
             ),
         ),
         Frame(
@@ -872,7 +876,7 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("run_id", pl.String, "1", "name of the run"),
                 Column("load", pl.String, "1", "masses on board"),
                 Column("day", pl.String, "1", "day of the run"),
-                make_float_column("reference_kg", "kg", "reference of that load"),
+                make_float_column("reference_kg", "kg", "reference mass of the load"),
                 Column("readings", pl.Int64, "1", "readings in use"),
                 Column("rejected", pl.Int64, "1", "readings that were rejected"),
                 make_float_column("mean_kg", "kg", "mean estimate, not calibrated"),
@@ -897,13 +901,13 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("log", pl.String, "1", "its log"),
                 Column("reading", pl.Int64, "1", "number of the reading in its run"),
                 make_float_column(
-                    "start_s", "s", "its begin, relative to the log's first aligned sample"
+                    "start_s", "s", "start of the manoeuvre, from the log's first aligned sample"
                 ),
-                make_float_column("end_s", "s", "its end, likewise"),
+                make_float_column("end_s", "s", "end of the manoeuvre, from the same sample"),
                 make_float_column("mass_kg", "kg", "estimate by this manoeuvre"),
                 make_float_column("std_kg", "kg", "its standard deviation by this manoeuvre alone"),
                 make_float_column(
-                    "common_u_kg", "kg", "uncertainty that it shares with the other readings"
+                    "common_u_kg", "kg", "standard uncertainty in common with other readings"
                 ),
                 Column("used", pl.Boolean, "1", "whether it counts"),
                 Column("left_out_for", pl.String, "1", "why it is not used (empty when it is)"),
