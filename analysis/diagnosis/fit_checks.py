@@ -349,7 +349,7 @@ FIT_CHECKS: Final = (
         "force_nonlinearity",
         "mass",
         _make_joint_fit_quantity_function(lambda weighing: abs(weighing.curvature.t)),
-        "t-value of a force in a·|a|: the force is not linear in the acceleration",
+        "t-value of a force proportional to a·|a|: the force is not linear in the acceleration",
         maximum="curvature_t_max",
         applies=_has_joint_fit,
         consequence="widen",

@@ -106,7 +106,7 @@ SIGNAL_CHECKS: Final = (
         lambda inputs, _: (
             np.nan if inputs.signals is None else inputs.signals.longest_frozen_duration_s
         ),
-        "time that a channel repeats its value while another changes, s",
+        "longest time in s for which a channel repeats its value while another changes",
         maximum="frozen_max_s",
         applies=_has_raw_signals,
         subject_text=_make_writer_of_exclusion_text("frozen_s"),

@@ -37,8 +37,8 @@ def find_unmodelled_braking(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             refused / LIMITS.braking_windows_fraction,
-            f"excluding braking rejects {refused:.0%} of the windows, but the mass by braking is "
-            f"{ratio:.1%} of that by driving: the force sensor measures the braking",
+            f"excluding braking rejects {refused:.0%} of the windows, but the mass from braking is "
+            f"{ratio:.1%} of that from driving: the force sensor measures the braking",
             channel=inputs.force_channel,
             setting="settings.gate.exclude_braking",
             value="false",

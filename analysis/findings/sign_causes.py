@@ -149,11 +149,11 @@ def make_pitch_symptom(inputs: FindingInputs, pitch: PitchCorrection) -> Symptom
     """Propose the factor of a pitch that contradicts accelerometer and wheels."""
     setting, value = inputs.propose_scale_settings(("pitch_rad",), pitch.factor)
     reading = " and ".join(
-        ["in degrees"] * (abs(pitch.factor) < 1.0) + ["with the other sign"] * (pitch.factor < 0.0)
+        ["in degrees"] * (abs(pitch.factor) < 1.0) + ["of opposite sign"] * (pitch.factor < 0.0)
     )
     return Symptom(
         LIMITS.sign_rank,
-        f"taken {reading}, the pitch explains all but {pitch.left_1:.1%} of the mean square "
+        f"if the pitch is {reading}, it explains all but {pitch.left_1:.1%} of the mean square "
         "difference between accelerometer and wheels",
         channel="pitch_rad",
         setting=setting,

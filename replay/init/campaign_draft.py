@@ -60,7 +60,7 @@ make = "TODO: who built it"
 model = "TODO"
 condition = "TODO: such as tyres worn by a third"
 # empty_mass_kg = 3614.0       # weighed without load, where not the machine file's
-# empty_mass_u_kg = 2.0        # standard uncertainty (k = 1) of that
+# empty_mass_u_kg = 2.0        # standard uncertainty (k = 1) of empty_mass_kg
 # empty_certificate = ""
 # empty_expires = 2030-12-31
 

@@ -189,7 +189,7 @@ def refuse_altered_list(
         if before is None:
             fault = "" if isinstance(entry, NotaryHead) else "does not begin with its head"
         elif not isinstance(entry, NotaryEntry) or entry.previous != before.line_sha256:
-            fault = f"number {entry.counter} does not follow the line before"
+            fault = f"number {entry.counter} does not hold the digest of the line before"
         elif entry.counter != before.content.counter + 1:
             fault = f"number {entry.counter} follows number {before.content.counter}"
         if fault:

@@ -173,12 +173,12 @@ def _propose_torque_and_speed_of_side(
     )
     recognition.add_question_of_subject(
         "radius",
-        "machine.wheel_radius_m, which makes forces of wheel torques and speeds of wheel rates",
+        "machine.wheel_radius_m, which converts wheel torques to forces and wheel rates to speeds",
     )
     recognition.add_question_of_subject(
         "unit",
-        f"whether velocity[…] of the wheels is in rad/s, as drafted; where it is in m/s, "
-        f"channels.speed_*_m_s.derive without * wheel_radius_m ({topic})",
+        f"whether velocity[…] of the wheels is in rad/s, as drafted; if it is in m/s, "
+        f"remove * wheel_radius_m from channels.speed_*_m_s.derive ({topic})",
     )
 
 

@@ -117,7 +117,7 @@ def find_unit_in_name(name: str) -> str:
     _, unit = physical_units.split_unit_from_name(name)
     if unit is None and name not in BODY_NUMBERS and not name.endswith("_1"):
         raise MachineError(
-            f"'{name}' needs its unit at the end: {name}_N_m, {name}_A, or {name}_1 for a number"
+            f"'{name}' lacks its unit at the end: {name}_N_m, {name}_A; {name}_1 if dimensionless"
         )
     return unit or ""
 

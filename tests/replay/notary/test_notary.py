@@ -364,7 +364,7 @@ def test_a_list_that_was_cut_or_taken_away_is_not_gone_on_with(
     with pytest.raises(EvidenceError, match="so the list was removed"):
         notarise_folder(folder, key_file=keys[0])
     listed.path.write_bytes(b"".join([*whole[:3], *whole[4:]]))
-    with pytest.raises(EvidenceError, match="does not follow the line before"):
+    with pytest.raises(EvidenceError, match="does not hold the digest of the line before"):
         notarise_folder(folder, key_file=keys[0])
     listed.path.write_bytes(b"".join(whole))
     assert notarise_folder(folder, key_file=keys[0]).last == LOGS
