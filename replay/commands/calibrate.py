@@ -12,7 +12,9 @@ if TYPE_CHECKING:
 
 
 def command(
-    source: Annotated[Path, typer.Argument(help="Campaign file; with --check, the log.")],
+    source: Annotated[
+        Path, typer.Argument(help="Campaign file; with --check, a log with REF_KG on board.")
+    ],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of evidence to write.")],
     key: Annotated[
         Path | None,

@@ -25,7 +25,10 @@ def command(
     output: Annotated[
         Path | None,
         typer.Option(
-            "-o", "--output", help="Record while following; at the end, the causal replay (.rrd)."
+            "-o",
+            "--output",
+            help="Recording (.rrd) to write while following; the causal replay replaces it at the "
+            "end.",
         ),
     ] = None,
     overrides: Annotated[
