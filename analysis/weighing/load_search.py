@@ -41,12 +41,12 @@ def fit_with_searched_load_states(
 ) -> JointFit:
     """Find load states and fit a mass for each, iterating until the states are stable.
 
-    A change of ground along the route is modelled for several loads only, and scatters the masses
-    of a one-load fit more than loads do; and loads that follow the driving direction are as
-    probable as a haul and its return. Therefore a poor fit is searched again, starting from loads
-    that change where there is evidence of it and from those that the driving pattern suggests. The
-    fit with the smallest Akaike criterion is returned; that of a single load has the ground along
-    the route too.
+    The search models ground that changes along the route for several loads only; in a fit of one
+    load, such ground scatters the masses more than loads do. Besides, loads that follow the driving
+    direction look like a haul and its return. Therefore a poor fit is searched again, starting from
+    loads that change where there is evidence of it, and from those that the driving pattern
+    suggests. The fit with the smallest Akaike criterion is returned; the compared fit of a single
+    load also models the ground along the route.
     """
     kind = classify_load_change_evidence(first_fit.motion)
     settled = search_states_and_refit_until_stable(first_fit, inputs, repeatability_kg, kind)

@@ -96,10 +96,11 @@ def compare_wheels_and_choose_gravity_removal(
     priors: PriorSettings,
     earlier_kinematics: WheelKinematics | None,
 ) -> WheelKinematics | None:
-    """Compare wheels and accelerometer, without gravity if hills change it within a manoeuvre.
+    """Compare wheels and accelerometer, and choose whether to subtract gravity from its readings.
 
-    Gravity is computed from the measured pitch. On even ground it is not removed, so that a squat,
-    which also pitches the body, appears as a gain.
+    Gravity, computed from the measured pitch, is subtracted on hills that change it within a
+    manoeuvre. On even ground it is not, so that a squat, which also pitches the body, appears as a
+    gain.
     """
     if motion.specific_force is None:
         return None

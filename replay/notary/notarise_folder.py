@@ -151,7 +151,14 @@ def notarise_folder(
 def begin_list_or_refuse_other_signer(
     open_list: OpenNotaryList, signing_key: SigningKey, machine_id: str
 ) -> list[str]:
-    """Begin a new list, or check that an existing one has this key and machine; return notes."""
+    """Begin a new list, or check that an existing one has this key and machine.
+
+    Returns:
+        Notes for the user on a new list.
+
+    Raises:
+        EvidenceError: the list is signed with another key, or is of another machine.
+    """
     if not open_list.lines:
         head = NotaryHead(
             format=FORMAT,

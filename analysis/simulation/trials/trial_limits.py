@@ -30,7 +30,7 @@ def refuse_undrivable_scenario(scenario: Scenario, loads_kg: Sequence[float]) ->
         loads_kg: the loads to simulate.
 
     Raises:
-        ScenarioError: the key and the fault.
+        ScenarioError: the scenario cannot be driven; the message names the key and the fault.
     """
     machine, full_N = scenario.machine, scenario.campaign.throttle_force_N
     refuse_settings_without_plant_support(scenario)
@@ -275,7 +275,7 @@ def refuse_undrivable_shift(scenario: Scenario, shift: SimulatedShift) -> None:
     """Raise an error if a shift cannot be driven.
 
     Raises:
-        ScenarioError: the key and the fault.
+        ScenarioError: the shift cannot be driven; the message names the key and the fault.
     """
     campaign, machine, rate = scenario.campaign, scenario.machine, shift.turn_rad_s
     changed = {f"loading.{key}" for key in scenario.loading.model_dump(exclude_defaults=True)}

@@ -68,7 +68,7 @@ def make_string_array(
 
 
 def make_list_array(counts: Ints, elements: Array) -> Array:
-    """Make an array of lists (n,) with the given numbers of elements; null where it is -1."""
+    """Make an array of lists (n,) with the given numbers of elements; -1 stands for null."""
     ends = np.zeros(counts.size + 1, np.int64)
     absent = counts < 0
     np.cumsum(np.maximum(counts, 0), out=ends[1:])
