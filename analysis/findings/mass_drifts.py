@@ -201,9 +201,9 @@ def _find_lightest_returning_load(masses_kg: Floats, stds_kg: Floats) -> _Lighte
         stds_kg: (n,) their standard deviations.
     """
     least_kg = float(masses_kg.min())
-    light = np.flatnonzero(masses_kg < LIMITS.as_light_ratio * least_kg)
-    if least_kg <= 0.0:
+    if not least_kg > 0.0:  # nor a mass that is unknown
         return None
+    light = np.flatnonzero(masses_kg < LIMITS.as_light_ratio * least_kg)
     if not (masses_kg[light[0] : light[-1]] > LIMITS.heavier_ratio * least_kg).any():
         return None
     weight = stds_kg[light] ** -2

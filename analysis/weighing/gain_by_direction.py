@@ -32,6 +32,7 @@ from analysis.weighing.load_states import (
 )
 from analysis.weighing.motion_samples import Bools, ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.nuisances import Nuisance
+from analysis.weighing.uneven_ground import is_ground_separable_from_loads
 from estimators.joint.unit_levels import HINTED
 
 #: Term with a prior so wide that it is almost free.
@@ -116,6 +117,7 @@ def estimate_force_gain_by_driving_direction(
         or does_empty_mass_confirm_two_loads(fit, body)
     ):
         return None
+    ratio = fit.previous_estimates.ground_variance_ratio_1_s
     one = FitTask(
         motion,
         noise,
@@ -125,7 +127,7 @@ def estimate_force_gain_by_driving_direction(
         (*select_terms_of_motion(motion, has_several_loads=False), GAIN_BY_DIRECTION),
         fit.kinematics,
         None,
-        fit.previous_estimates.ground_variance_ratio_1_s,
+        ratio if is_ground_separable_from_loads(motion) else 0.0,
     ).fit_over_sample_means(fit.samples_per_mean, 2, is_force_advanced=fit.is_force_advanced_by_lag)
     found = compute_reverse_to_forward_gain(one, fit)
     if not found.is_significant:

@@ -25,7 +25,7 @@ from analysis.weighing.low_gears import LOW_GEARS
 from analysis.weighing.motion_samples import CachedNoise, ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.nuisances import NUISANCES, Nuisance
 from analysis.weighing.slip_by_load import SLIP_BY_LOAD
-from analysis.weighing.uneven_ground import GROUND
+from analysis.weighing.uneven_ground import GROUND, is_ground_separable_from_loads
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_comparison import (
     compare_wheels_with_accelerometer,
@@ -65,28 +65,22 @@ class JointFitInputs:
         An earlier fit gives the variance of the ground force and the springs of the body.
         """
         noise = CachedNoise(noise)
-        ground_variance_ratio_1_s = (
+        ratio = (
             0.0 if earlier_fit is None else earlier_fit.previous_estimates.ground_variance_ratio_1_s
         )
         known = None if earlier_fit is None else earlier_fit.kinematics
         wheels = estimate_wheel_kinematics(motion, noise, priors, known)
-        return cls(motion, noise, priors, wheels, ground_variance_ratio_1_s)
+        return cls(motion, noise, priors, wheels, ratio)
 
 
 def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> JointFit:
     """Fit over the shortest mean whose uncertainty is nearly the smallest."""
     motion = inputs.motion
     several = states is not None and states.state_count > 1
-    terms = select_terms_of_motion(motion, has_several_loads=several)
-    whole = FitTask(
-        motion,
-        inputs.noise,
-        inputs.priors,
-        terms,
-        inputs.kinematics,
-        states,
-        inputs.ground_variance_ratio_1_s,
-    )
+    ratio = inputs.ground_variance_ratio_1_s
+    ground = GROUND if ratio or is_ground_separable_from_loads(motion) else ()
+    terms = select_terms_of_motion(motion, has_several_loads=several, ground_terms=ground)
+    whole = FitTask(motion, inputs.noise, inputs.priors, terms, inputs.kinematics, states, ratio)
     part = whole.cut_to_first_stretches(LIMITS.pilot_stretches)
     part = part if part.motion.has_enough_motion else whole
     longest = (
@@ -136,12 +130,12 @@ def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> Joi
 
 
 def select_terms_of_motion(
-    motion: MotionSamples, *, has_several_loads: bool
+    motion: MotionSamples, *, has_several_loads: bool, ground_terms: tuple[Nuisance, ...] = GROUND
 ) -> tuple[Nuisance, ...]:
     """Terms that apply to these samples; terms by load only with several loads."""
     return tuple(
         term
-        for term in (*NUISANCES, SLIP_BY_LOAD, *PLACE, *LOW_GEARS, *GROUND)
+        for term in (*NUISANCES, SLIP_BY_LOAD, *PLACE, *LOW_GEARS, *ground_terms)
         if term.applies(motion) and (has_several_loads or not term.by_load)
     )
 

@@ -122,6 +122,8 @@ class LoadLimits:
     ground_change_m: float = 10.0
     #: Places along the route between which it does likewise.
     route_parts: int = 24
+    #: Fewest manoeuvres that separate the ground from the loads while these are searched.
+    ground_min_manoeuvres: int = 24
 
     # haul_route
     #: Distance of two stands at one place, over the usual way between turns: piles creep by a tenth

@@ -5,6 +5,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from analysis.model.prior_settings import PriorSettings
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.fit_columns import FitRows, compute_samples_between_fitted_means
 from analysis.weighing.fit_task import FitTask
@@ -29,8 +30,9 @@ from analysis.weighing.load_states import (
     make_single_unknown_state,
     make_states_of_partition,
 )
-from analysis.weighing.motion_samples import Ints
+from analysis.weighing.motion_samples import ColumnNoiseModel, Ints
 from analysis.weighing.record_places import make_load_search_rows
+from analysis.weighing.uneven_ground import is_ground_separable_from_loads
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.joint.unit_levels import HINTED, UnitLevels
 from estimators.numerics.autocorrelation import estimate_pooled_autocorrelation
@@ -51,7 +53,8 @@ def fit_with_searched_load_states(
     kind = classify_load_change_evidence(first_fit.motion)
     settled = search_states_and_refit_until_stable(first_fit, inputs, repeatability_kg, kind)
     misfits = settled.solution.misfit_ratio > LIMITS.max_misfit_ratio
-    if first_fit.motion.has_single_load or not misfits:
+    few = not is_ground_separable_from_loads(first_fit.motion)
+    if first_fit.motion.has_single_load or not misfits or few:
         return settled
     inputs = add_ground_force_variance(first_fit, inputs)
     # with short means the residual is noise and transients, which loads do not explain
@@ -124,19 +127,9 @@ class _PartitionComparison:
     @classmethod
     def from_fit(cls, earlier_fit: JointFit, inputs: JointFitInputs, samples_per_mean: int) -> Self:
         """Comparison of an earlier fit's manoeuvres, over means of `samples_per_mean`."""
-        motion, terms = (
-            earlier_fit.motion,
-            select_terms_of_motion(earlier_fit.motion, has_several_loads=True),
-        )
-        task = FitTask(
-            motion,
-            inputs.noise,
-            inputs.priors,
-            terms,
-            inputs.kinematics,
-            None,
-            inputs.ground_variance_ratio_1_s,
-        )
+        motion, ratio = earlier_fit.motion, inputs.ground_variance_ratio_1_s
+        terms = select_terms_of_motion(motion, has_several_loads=True)
+        task = FitTask(motion, inputs.noise, inputs.priors, terms, inputs.kinematics, None, ratio)
         number = np.unique(find_manoeuvre_of_stretches(motion))
         return cls(
             task,
@@ -243,6 +236,36 @@ def _refit_with_scatter_estimated_from_states(
     )
 
 
+def refit_few_manoeuvres_with_ground(
+    fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, repeatability_kg: float | None
+) -> JointFit:
+    """Refit with the ground a log whose manoeuvres are too few for it while loads are searched.
+
+    The load states stay, with their alternatives; a scatter that is not stated is estimated again.
+    """
+    if fit.mass_count == 1 or is_ground_separable_from_loads(fit.motion):
+        return fit
+    inputs = JointFitInputs.prepare_from_motion(fit.motion, noise, priors, fit)
+    inputs, states = add_ground_force_variance(fit, inputs), _require_load_states(fit)
+    found = _refit_with_fixed_load_states(states, inputs)
+    if not np.isfinite(found.theta).all():
+        return fit
+    if repeatability_kg is None:
+        kind = classify_load_change_evidence(fit.motion)
+        scattering = make_states_of_partition(
+            _estimate_manoeuvre_mass_levels(found, inputs, kind),
+            states.manoeuvre_ids,
+            states.state_of_manoeuvre,
+            usual_scatter=False,
+        )
+        states = replace(
+            scattering,
+            single_probability=states.single_probability,
+            alternative_partition=states.alternative_partition,
+        )
+    return refit_with_extra_terms(replace(found, states=states), noise, priors, rounds=2)
+
+
 def _estimate_manoeuvre_mass_levels(
     fit: JointFit, inputs: JointFitInputs, change_kinds: Ints, fit_rows: FitRows | None = None
 ) -> UnitLevels:
@@ -316,7 +339,8 @@ def search_states_and_refit_until_stable(
                 if known
                 else first_fit
             )
-        inputs = add_ground_force_variance(first_fit, inputs)
+        if is_ground_separable_from_loads(first_fit.motion):
+            inputs = add_ground_force_variance(first_fit, inputs)
         del rows  # for a shift they are hundreds of megabytes
         first_fit = fit_jointly(inputs, states)
         if not np.isfinite(first_fit.theta).all():

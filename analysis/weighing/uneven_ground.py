@@ -195,3 +195,8 @@ GROUND: Final = (
     *_DrivingDirection("reverse", -1.0).make_terms(),
     *map(_make_route_term, range(LIMITS.route_parts)),
 )
+
+
+def is_ground_separable_from_loads(motion: MotionSamples) -> bool:
+    """Whether the manoeuvres suffice to tell the ground from loads that are still searched."""
+    return motion.manoeuvre_count >= LIMITS.ground_min_manoeuvres

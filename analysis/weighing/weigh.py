@@ -43,7 +43,11 @@ from analysis.weighing.joint_fit import (
 )
 from analysis.weighing.joint_result import JointFit, find_term_index
 from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
-from analysis.weighing.load_search import fit_with_searched_load_states, is_single_load_excluded
+from analysis.weighing.load_search import (
+    fit_with_searched_load_states,
+    is_single_load_excluded,
+    refit_few_manoeuvres_with_ground,
+)
 from analysis.weighing.missing_terms import (
     ForceCurvature,
     MissingTerm,
@@ -240,7 +244,7 @@ def _weigh_with_priors(
     known = ColumnNoise.select_axis_noise(X, noise, settings.noise)
     if known is None or excitation.height < SIGNAL_LIMITS.window_min_readings:
         return None
-    rate_hz = settings.align.rate_hz
+    rate_hz, repeatability_kg = settings.align.rate_hz, machine.machine.repeatability_kg
     columns = DerivativeNoise(known, rate_hz) if machine.differentiates_speed else known
     stops = count_standstills_so_far(excitation)
     source = _MotionSource(aligned, excitation, gated, machine, columns, stops)
@@ -252,9 +256,7 @@ def _weigh_with_priors(
             if start is None or start.states is None
             else start.states.reassign_to_manoeuvres_of_motion(motion)
         )
-        return fit_with_searched_load_states(
-            fit_jointly(fitted, states), fitted, machine.machine.repeatability_kg
-        )
+        return fit_with_searched_load_states(fit_jointly(fitted, states), fitted, repeatability_kg)
 
     started = _fit_and_choose_where_loads_change(source, fit_load_states)
     if started is None:
@@ -275,6 +277,7 @@ def _weigh_with_priors(
             for each in find_manoeuvres_with_growing_load(fit, columns, whole)
         }
         grown = tuple(better.get(each.manoeuvre_id, each) for each in grown)
+    fit = refit_few_manoeuvres_with_ground(fit, columns, priors, repeatability_kg)
     braking_kg, left_out = float("nan"), False
     if not settings.gate.exclude_braking:
         driving = _exclude_manoeuvres(source.select_motion(includes_braking=False), excluded)
@@ -289,11 +292,8 @@ def _weigh_with_priors(
             if not beyond and not estimate_force_curvature(alone, columns, priors).is_significant:
                 braking_kg, left_out = compare_masses_with_and_without_braking(fit, alone)
                 if left_out:
-                    fit = fit_with_searched_load_states(
-                        alone, fitted, machine.machine.repeatability_kg
-                    )
+                    fit = fit_with_searched_load_states(alone, fitted, repeatability_kg)
     doubted = not left_out and abs(braking_kg) > LIMITS.braking_doubted_u * fit.u_kg
-
     fit = refit_without_unlikely_effects(fit, columns, priors)
     candidates = list_scaled_terms_absent_from_model(fit)
     fit, rows = refit_with_hysteresis_if_significant(

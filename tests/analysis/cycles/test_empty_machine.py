@@ -67,7 +67,7 @@ class TestAGainThatNoOneKnows:
     def test_is_found_with_its_uncertainty(self, gain: float):
         found = summary(replayed(gain, TICKET))
         assert abs(found["gain_1"] - gain) < 3.0 * found["gain_u_1"]
-        assert found["gain_u_1"] < 0.02
+        assert found["gain_u_1"] < 0.04
 
     @pytest.mark.heavy
     def test_leaves_payloads_of_loads_beside_those_of_the_log_alone(self, gain: float):
@@ -119,7 +119,7 @@ class TestUncertainty:
 
     @pytest.mark.heavy
     def test_another_machine_s_ticket_is_said_and_not_absorbed(self):
-        found = replayed(1.0, TICKET, KNOWN, "machine.empty_mass_kg=110.0").frames["cycles"]
+        found = replayed(1.0, TICKET, KNOWN, "machine.empty_mass_kg=120.0").frames["cycles"]
         assert found["payload_kg"].null_count() == found.height
         assert found["withheld_for"].str.contains("negative_payload").all()
 
