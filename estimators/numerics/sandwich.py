@@ -60,21 +60,23 @@ def compute_sandwich_meat(
 
     Each sample is paired with itself and earlier ones of its group, including those before `first`.
     """
-    p = A.shape[1]
-    B = np.zeros((p, p))
     lags = correlation.size
-    own, tail = np.zeros(_MEAT_ROWS + lags), np.empty(_MEAT_ROWS)
+    # columns of 0 add nothing: a start forwards has no terms of reverse driving
+    used = find_nonzero_columns(A, group, group_number, max(first - (lags - 1), 0), last)
+    p = used.size
+    B = np.zeros((p, p))
+    most = min(_MEAT_ROWS, last + 1 - first)
+    columns, tail = np.empty((p, most + lags - 1)), np.empty(most)
     # a row at a time, so that the products of one are side by side
-    here, tails = np.empty((_MEAT_ROWS, p)), np.empty((_MEAT_ROWS, p))
+    here, tails = np.empty((most, p)), np.empty((most, p))
     for start in range(first, last + 1, _MEAT_ROWS):
         rows = min(_MEAT_ROWS, last + 1 - start)
+        copy_columns_of_group(A, group, group_number, start - (lags - 1), used, columns)
+        for k in range(rows):
+            here[k] = columns[:, lags - 1 + k]
         for c in range(p):
-            # 0 outside the group, so that lags need no condition
-            for k in range(rows + lags - 1):
-                at = start - (lags - 1) + k
-                own[k] = A[at, c] if at >= 0 and group[at] == group_number else 0.0
-            add_correlated_predecessors(own, correlation, tail[:rows])
-            here[:rows, c], tails[:rows, c] = own[lags - 1 : lags - 1 + rows], tail[:rows]
+            add_correlated_predecessors(columns[c], correlation, tail[:rows])
+            tails[:rows, c] = tail[:rows]
         # four rows of each sum between loading and storing it, in their order
         for k in range(0, rows - 3, 4):
             h0, h1, h2, h3 = here[k], here[k + 1], here[k + 2], here[k + 3]
@@ -91,9 +93,35 @@ def compute_sandwich_meat(
                 mine, its = here[k, i], tails[k, i]
                 for c in range(i + 1):
                     B[i, c] += mine * tails[k, c] + its * here[k, c]
+    out = np.zeros((A.shape[1], A.shape[1]))
     for i in range(p):
-        B[:i, i] = B[i, :i]
-    return B
+        for c in range(i + 1):
+            out[used[i], used[c]] = out[used[c], used[i]] = B[i, c]
+    return out
+
+
+@compiled_unless_short_log
+def find_nonzero_columns(A: Floats, group: Ints, group_number: int, first: int, last: int) -> Ints:
+    """Columns of A (n, p) that are not 0 in every sample first … last of a group, ascending."""
+    is_nonzero = np.zeros(A.shape[1], np.bool_)
+    for c in range(A.shape[1]):
+        k = first
+        while k <= last and (group[k] != group_number or A[k, c] == 0.0):
+            k += 1
+        is_nonzero[c] = k <= last
+    return np.flatnonzero(is_nonzero)
+
+
+@compiled_unless_short_log
+def copy_columns_of_group(
+    A: Floats, group: Ints, group_number: int, first: int, used: Ints, columns: Floats
+) -> None:
+    """Copy some columns of A (n, p) from sample `first` on into rows, with 0 outside the group."""
+    for k in range(columns.shape[1]):
+        at = first + k
+        is_inside = 0 <= at < group.size and group[at] == group_number
+        for c in range(used.size):
+            columns[c, k] = A[at, used[c]] if is_inside else 0.0
 
 
 def _add_predecessors_vectorised(own: Floats, correlation: Floats, tail: Floats) -> None:
