@@ -24,6 +24,7 @@ from analysis.stages.motion.phases import (
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
+from estimators.interpreted import compiled_inline, compiled_with_array_form
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -333,27 +334,26 @@ def advance_signal_by_delay(signal: Floats, stretch_of_sample: Ints, delay_rows:
     Linear interpolation would low-pass it on a slow grid.
 
     Args:
-        signal: (n,) the signal.
+        signal: (n,) the signal, finite.
         stretch_of_sample: (n,) stretch of each sample, negative for none.
         delay_rows: delay in samples.
     """
-    if not delay_rows and np.isfinite(signal).all():
+    if not delay_rows:
         return signal
+    return _interpolate_later_samples(signal, stretch_of_sample, float(delay_rows))
+
+
+def _interpolate_later_samples_vectorised(
+    signal: Floats, stretch_of_sample: Ints, delay_rows: float
+) -> Floats:
     whole = math.floor(delay_rows)
-    part = delay_rows - whole
     first, end = max(1 - whole, 0), min(signal.size - 2 - whole, signal.size)
     moved, by_cubic = np.empty(signal.size), np.zeros(signal.size, np.bool_)
-    if part and first < end:
-        weights = (
-            -part * (part - 1.0) * (part - 2.0) / 6.0,
-            (part + 1.0) * (part - 1.0) * (part - 2.0) / 2.0,
-            -(part + 1.0) * part * (part - 2.0) / 2.0,
-            (part + 1.0) * part * (part - 1.0) / 6.0,
-        )
+    if delay_rows != whole and first < end:
         from_row = first + whole - 1
         moved[first:end] = sum(
             weight * signal[from_row + k : from_row + k + end - first]
-            for k, weight in enumerate(weights)
+            for k, weight in enumerate(_compute_cubic_weights(delay_rows - whole))
         )
         own = stretch_of_sample[first:end]
         inside = own >= 0
@@ -364,4 +364,37 @@ def advance_signal_by_delay(signal: Floats, stretch_of_sample: Ints, delay_rows:
     moved[by_line] = np.interp(
         by_line + delay_rows, np.arange(signal.size, dtype=np.float64), signal
     )
+    return moved
+
+
+@compiled_inline
+def _compute_cubic_weights(part: float) -> tuple[float, float, float, float]:
+    """Weights of four samples for a place between the middle ones, at a fraction of their step."""
+    return (
+        -part * (part - 1.0) * (part - 2.0) / 6.0,
+        (part + 1.0) * (part - 1.0) * (part - 2.0) / 2.0,
+        -(part + 1.0) * part * (part - 2.0) / 2.0,
+        (part + 1.0) * part * (part - 1.0) / 6.0,
+    )
+
+
+@compiled_with_array_form(_interpolate_later_samples_vectorised)
+def _interpolate_later_samples(
+    signal: Floats, stretch_of_sample: Ints, delay_rows: float
+) -> Floats:
+    """Signal (n,) at a delay after each sample: by a cubic in a stretch, by a line elsewhere."""
+    n, whole, moved = signal.size, math.floor(delay_rows), np.empty(signal.size)
+    w0, w1, w2, w3 = _compute_cubic_weights(delay_rows - whole)
+    for k in range(n):
+        row, own = k + whole, stretch_of_sample[k]
+        is_inside = own >= 0 and delay_rows != whole and row >= 1 and row + 2 < n
+        if is_inside and stretch_of_sample[row - 1] == own and stretch_of_sample[row + 2] == own:
+            total = 0.0 + w0 * signal[row - 1] + w1 * signal[row]
+            moved[k] = total + w2 * signal[row + 1] + w3 * signal[row + 2]
+            continue
+        place = min(max(k + delay_rows, 0.0), n - 1.0)
+        at = int(place)
+        moved[k] = signal[at]
+        if place > at:
+            moved[k] += (signal[at + 1] - signal[at]) * (place - at)
     return moved

@@ -146,13 +146,8 @@ def add_correlated_predecessors(own: Floats, correlation: Floats, tail: Floats) 
         tail[k] = 0.5 * own[lags - 1 + k]
     # eight lags of each sum between loading and storing it, in their order
     for j in range(1, lags - 7, 8):
-        c0, c1, c2, c3 = correlation[j], correlation[j + 1], correlation[j + 2], correlation[j + 3]
-        c4, c5, c6, c7 = (
-            correlation[j + 4],
-            correlation[j + 5],
-            correlation[j + 6],
-            correlation[j + 7],
-        )
+        c0, c1, c2, c3 = correlation[j : j + 4]
+        c4, c5, c6, c7 = correlation[j + 4 : j + 8]
         before = own[lags - 8 - j :]
         for k in range(rows):
             total = tail[k] + c0 * before[k + 7]
