@@ -10,7 +10,11 @@ import numpy as np
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.body_swing import NO_SWING, BodySwing
 from analysis.weighing.column_inputs import ColumnInputs
-from analysis.weighing.fitted_stretches import compute_index_in_stretch, mark_stretch_ends
+from analysis.weighing.fitted_stretches import (
+    compute_index_in_stretch,
+    find_stretch_spans,
+    mark_stretch_ends,
+)
 from analysis.weighing.force_hysteresis import PlayHysteresis, compute_sign_of_force_change
 from analysis.weighing.force_rate import (
     compute_force_rate_variances,
@@ -29,10 +33,10 @@ from analysis.weighing.motion_samples import (
 )
 from analysis.weighing.nuisances import Nuisance
 from analysis.weighing.weighing_limits import LIMITS
+from estimators.interpreted import compiled_with_array_form
 from estimators.numerics import group_sums
-from estimators.numerics.fit_loss import list_rows_by_group
 from estimators.numerics.group_mean import fill_trailing_group_means
-from estimators.numerics.group_sums import NoiseMoments, convert_consecutive_rows_to_slice
+from estimators.numerics.group_sums import NoiseMoments
 from estimators.threads import map_in_threads
 
 
@@ -301,19 +305,19 @@ def average_and_weight_columns_of_pieces(
     def weight_rows_and_sum_noise_moments(piece_index: int) -> tuple[Floats, Floats]:
         (group, raw), rows = pieces[piece_index], places[piece_index]
         A[rows] *= weight[rows, None]
+        f[rows] *= weight[rows]
+        if ground_variance_ratio_1_s:
+            ratio = ground_variance_ratio_1_s / rate_hz * stride
+            whiten_random_intercepts_in_place(A[rows], f[rows], group, ratio)
         return sum_noise_moments_by_stretch(
             terms, group, raw, covariances, rate_variances, which[rows], weight[rows]
         )
 
     added = map_in_threads(weight_rows_and_sum_noise_moments, range(len(places)))
-    f *= weight
-    group = np.concatenate([group for group, _ in pieces])
-    if ground_variance_ratio_1_s:
-        whiten_random_intercepts_in_place(A, f, group, ground_variance_ratio_1_s / rate_hz * stride)
     return FitRows(
         A,
         f,
-        group,
+        np.concatenate([group for group, _ in pieces]),
         np.concatenate([raw.direction for _, raw in pieces]),
         NoiseMoments(*(np.concatenate(each) for each in zip(*added, strict=True))),
         max(count_rows_in_duration(LIMITS.shortest_stretch_s, rate_hz) // stride, 6),
@@ -332,13 +336,29 @@ def whiten_random_intercepts_in_place(
         stretch_of_row: (rows,) number of the stretch.
         variance_ratio: variance of the intercepts over that of a row.
     """
-    for part in list_rows_by_group(stretch_of_row):
-        off, rows = (
-            1.0 - 1.0 / np.sqrt(1.0 + variance_ratio * part.size),
-            convert_consecutive_rows_to_slice(part),
-        )
-        A[rows] -= off * A[rows].mean(axis=0)
-        f[rows] -= off * f[rows].mean()
+    for first, end in find_stretch_spans(stretch_of_row).tolist():
+        off = 1.0 - 1.0 / np.sqrt(1.0 + variance_ratio * (end - first))
+        subtract_fraction_of_mean_in_place(A[first:end], off)
+        f[first:end] -= off * f[first:end].mean()
+
+
+def _subtract_fraction_of_mean_vectorised(A: Floats, fraction: float) -> None:
+    A -= fraction * A.mean(axis=0)
+
+
+@compiled_with_array_form(_subtract_fraction_of_mean_vectorised)
+def subtract_fraction_of_mean_in_place(A: Floats, fraction: float) -> None:
+    """Subtract a fraction of the mean of each column of A (n, p)."""
+    rows, p = A.shape
+    off = np.zeros(p)
+    for k in range(rows):
+        for c in range(p):
+            off[c] += A[k, c]
+    for c in range(p):
+        off[c] = fraction * (off[c] / rows)
+    for k in range(rows):
+        for c in range(p):
+            A[k, c] -= off[c]
 
 
 @dataclass(frozen=True, slots=True)

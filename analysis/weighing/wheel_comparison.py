@@ -216,11 +216,12 @@ def _fit_wheel_comparison(
     if earlier_kinematics is not None:
         delay_s, slip_1_N = earlier_kinematics.delay_s[0], earlier_kinematics.slip_1_N[0]
         about = abs(slip_1_N) + earlier_kinematics.slip_1_N[1]
-    rows = _make_comparison_rows(
-        measured_acceleration, motion.advance_speed(delay_s), noise, slip_1_N
-    )
-    if rows is None:
+    spans = find_spans_of_compared_stretches(motion)
+    if not spans.size:
         return None
+    rows = _make_comparison_rows(
+        measured_acceleration, motion.advance_speed(delay_s), spans, noise, slip_1_N
+    )
     lines = loss = None
     if earlier_kinematics is not None:
         lines = make_constant_and_slope_of_each_stretch(rows[2])
@@ -241,11 +242,8 @@ def _fit_wheel_comparison(
         )
         # a derivative only approximates a delay: the speed is advanced by it and compared again
         delay_s = float(np.clip(delay_s + late_s, -LIMITS.longest_delay_s, LIMITS.longest_delay_s))
-        rows = (
-            _make_comparison_rows(
-                measured_acceleration, motion.advance_speed(delay_s), noise, slip_1_N
-            )
-            or rows
+        rows = _make_comparison_rows(
+            measured_acceleration, motion.advance_speed(delay_s), spans, noise, slip_1_N
         )
         # only the last one's deviations count
         if lines is None and number == LIMITS.slip_passes - 1:
@@ -311,14 +309,20 @@ def is_accelerometer_gain_significant(fit: PosteriorFit, noise_m_s: float, least
     return bool(abs(fit.theta[0]) > max(LIMITS.gain_min_1, times * fit.parameter_stds[0], least_1))
 
 
-def _make_comparison_rows(
-    measured_acceleration: Floats, motion: MotionSamples, noise: ColumnNoiseModel, slip_1_N: float
-) -> ComparisonRows | None:
-    """Columns and response, with a line removed from each stretch, and the noise in them."""
+def find_spans_of_compared_stretches(motion: MotionSamples) -> Ints:
+    """First and end sample of each stretch that is long enough, (stretches, 2)."""
     spans = find_stretch_spans(motion.stretch_of_sample)
-    spans = spans[np.diff(spans)[:, 0] >= 10 * MEAN]
-    if not spans.size:
-        return None
+    return spans[np.diff(spans)[:, 0] >= 10 * MEAN]
+
+
+def _make_comparison_rows(
+    measured_acceleration: Floats,
+    motion: MotionSamples,
+    spans: Ints,
+    noise: ColumnNoiseModel,
+    slip_1_N: float,
+) -> ComparisonRows:
+    """Columns and response, with a line removed from each stretch, and the noise in them."""
     X, y, group, ground = average_and_detrend_wheel_columns(
         measured_acceleration, motion.speed, motion.force, spans, 1.0 / motion.rate_hz, slip_1_N
     )
