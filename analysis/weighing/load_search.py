@@ -36,6 +36,7 @@ from analysis.weighing.uneven_ground import is_ground_separable_from_loads
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.joint.unit_levels import HINTED, UnitLevels
 from estimators.numerics.autocorrelation import estimate_pooled_autocorrelation
+from estimators.threads import return_freed_memory_to_os
 
 
 def fit_with_searched_load_states(
@@ -305,6 +306,7 @@ def search_states_and_refit_until_stable(
         return _set_masses_to_unknown(first_fit)
     first, best, tried = first_fit, None, list[Ints]()
     for _ in range(LIMITS.state_rounds):
+        return_freed_memory_to_os()  # no block of the size of the rows is free
         rows = make_refit_rows(first_fit, inputs.noise)
         states = max(
             (

@@ -268,12 +268,14 @@ def find_missing_terms(
         # a term that is mostly noise is collinear with the others after correction for noise
         if other.solution.noise_share > LIMITS.max_noise_fraction:
             continue
+        other.solution.compute_uncertainty_and_release_samples()
         value = float(other.theta[-1])
         lacking = MissingTerm(
             term, value, value / float(other.posterior_fit.parameter_stds[-1]), effect_kg
         )
         if lacking.is_significant(fit):
             found.append(lacking)
+    del other
     if any(_is_function_of_force(each.term) for each in found):
         base = refit_with_extra_terms(fit, noise, priors, fit_rows=fit_rows)
         found = [

@@ -76,6 +76,7 @@ from analysis.weighing.other_motion import (
 from analysis.weighing.record_places import align_paths_of_bench_records
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import TERMS
+from estimators.threads import return_freed_memory_to_os
 
 #: Why a log has no answer if no manoeuvre could be fitted.
 NOTHING_FITTED: Final = "no manoeuvre of this log was informative enough"
@@ -301,6 +302,7 @@ def _weigh_with_priors(
     )
     fit = refit_with_gain_change_by_load(fit, priors)
     fit = add_mass_responses_to_motion_errors(fit, columns, priors)
+    return_freed_memory_to_os()  # the rows of its refits were as large as those below
     if fit.mass_kg == 0.0:  # the force is 0 wherever the machine accelerates
         return None
     alone = refit_without_learnt_priors(fit, columns, priors)
