@@ -132,29 +132,27 @@ def compute_weighted_normal_equation_parts(
     clean_c, gram_c, scatter_c = np.zeros((k, k)), np.zeros((k, k)), np.zeros((k, k))
     bare, taken = np.zeros(wide), np.zeros(wide)
     place, own = np.arange(level_count - 1, wide), np.empty(p)
-    g, c, moved = np.empty((p, p)), np.empty(p), np.empty(p)
+    g, c, moved, noisy = np.empty((p, p)), np.empty(p), np.empty(p), np.empty(p)
     for u in range(units):
         place[0] = level_of_unit[u]
         for i in range(p):
             own[i] = theta[place[i]]
             c[i] = crosses[u, i] - subtracted_noise_fraction * noise_cross[u, i]
+            noisy[i] = -noise_cross[u, i]
+        for i in range(p):
             for j in range(p):
                 g[i, j] = grams[u, i, j] - subtracted_noise_fraction * noise_gram[u, i, j]
+                # all sums side by side, as the matrix is symmetric
+                noisy[j] += noise_gram[u, i, j] * own[i]
         weight = ratio / (1.0 + ratio * max(g[0, 0], 0.0))
         full = ratio / (1.0 + ratio * grams[u, 0, 0])
-        first = -noise_cross[u, 0]
-        for j in range(p):
-            first += noise_gram[u, 0, j] * own[j]
         for i in range(p):
             regressions[u, i] = weight * g[i, 0]
             moved[i] = g[i, 0] - weight * g[i, 0] * g[0, 0]
         for i in range(p):
             lost = weight * g[i, 0]
-            noisy = -noise_cross[u, i]
-            for j in range(p):
-                noisy += noise_gram[u, i, j] * own[j]
             bare[place[i]] += c[i] - lost * c[0]
-            taken[place[i]] += noisy - lost * first
+            taken[place[i]] += noisy[i] - lost * noisy[0]
         level, heavy = level_of_unit[u], variance * ratio
         clean_d[level] += g[0, 0] - weight * g[0, 0] * g[0, 0]
         gram_d[level] += grams[u, 0, 0] - full * grams[u, 0, 0] * grams[u, 0, 0]
