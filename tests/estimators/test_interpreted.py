@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analysis.weighing import fitted_stretches
 from estimators import compile_cache, interpreted
 from estimators.interpreted import CompiledLoop, compile_even_short_loops, compiled_unless_short_log
 from estimators.numerics import group_mean, group_sums, rolling, sandwich, small_systems
@@ -116,6 +117,26 @@ def test_samples_before_the_first(begin: int) -> None:
     rng = np.random.default_rng(4)
     A, group = rng.normal(size=(9, 2)), np.array([0, 0, 0, 1, 0, 0, 0, 0, 1])
     both_ways(sandwich.compute_sandwich_meat, A, group, 0, begin, 7, rng.normal(size=5))
+
+
+def test_columns_that_are_0_in_a_group() -> None:
+    rng = np.random.default_rng(6)
+    A, group = rng.normal(size=(2100, 5)), np.repeat([0, 1], [100, 2000])
+    A[:100, [0, 3]] = A[100:, [1, 3]] = 0.0
+    for number, first, last in ((0, 0, 99), (1, 100, 2099)):
+        meat = both_ways(
+            sandwich.compute_sandwich_meat, A, group, number, first, last, rng.normal(size=9)
+        )
+        assert meat.any(axis=0).tolist() == A[first : last + 1].any(axis=0).tolist()
+
+
+@pytest.mark.parametrize("delay_rows", [0.3, -2.7, 2.0, 40.5])
+def test_samples_that_are_later_by_a_part_of_a_step(delay_rows: float) -> None:
+    row, stretch = np.arange(30.0), np.repeat([-1, 0, -1, 1], [3, 12, 2, 13])
+    cubic = (row - 9.0) ** 3
+    later = both_ways(fitted_stretches._interpolate_later_samples, cubic, stretch, delay_rows)
+    if abs(delay_rows) < 5.0:
+        np.testing.assert_allclose(later[7:10], (row[7:10] + delay_rows - 9.0) ** 3, atol=1e-9)
 
 
 def test_a_fit_shorter_than_its_lags(monkeypatch: pytest.MonkeyPatch) -> None:
