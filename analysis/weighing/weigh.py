@@ -284,9 +284,8 @@ def _weigh_with_priors(
         driving = _exclude_manoeuvres(source.select_motion(includes_braking=False), excluded)
         if _has_enough_samples(driving):
             fitted = JointFitInputs.prepare_from_motion(driving, columns, priors, fit)
-            alone = fit_jointly(
-                fitted, fit.states and fit.states.reassign_to_manoeuvres_of_motion(driving)
-            )
+            states = fit.states and fit.states.reassign_to_manoeuvres_of_motion(driving)
+            alone = fit_jointly(fitted, states)
             # driving that its own model does not fit cannot contradict braking
             _, widths = find_term_farthest_from_prior(alone, priors)
             beyond = widths > settings.verdict.beyond_prior_max
