@@ -355,20 +355,21 @@ def find_braking_fitted_as_driving(inputs: FindingInputs) -> list[Symptom]:
         return []
     left = 0.0 if weighing.braking_left_out else -weighing.braking_kg
     fitted = None if weighing.braking_left_out else rank_causes_by_likelihood(inputs).get("braking")
+    slope = "" if has_pitch_channel(inputs) else ", or the machine brakes on a slope"
     if fitted is None:  # only the comparison with driving is available
         strength = float(abs(weighing.braking_kg) / (LIMITS.braking_change_u * weighing.fit.u_kg))
-        detail = "" if has_pitch_channel(inputs) else ", or the machine brakes on a slope"
+        share = ""
     else:
         strength = min(
             float(np.sqrt(fitted.gain)) / LIMITS.term_min_std,
             fitted.value / LIMITS.seen_braking_fraction,
         )
-        detail = f" ({fitted.value:.2%} ± {fitted.std:.2%} is not measured)"
+        share = f" ({fitted.value:.2%} ± {fitted.std:.2%} is not measured)"
     return [
         Symptom(
             strength,
             f"including braking changes a mass by {weighing.braking_kg:+.0f} kg: the force sensor "
-            f"does not measure all of the braking{detail}",
+            f"does not measure all of the braking{share}{slope}",
             setting="settings.gate.exclude_braking",
             value="true",
             change=lambda: MassChange(left, LIMITS.braking_u_ratio * weighing.fit.u_kg),

@@ -107,7 +107,8 @@ class Answer:
         recording: path of the recording; None without one.
         shift: totals of the cycles; empty without cycles.
         findings: causes of error found in the log, in the order of their rank.
-        stated_empty_mass_kg: empty mass in the machine file.
+        stated_empty_mass: empty mass in the machine file and its uncertainty, in kg; None if it is
+            not stated.
     """
 
     rows: tuple[AnswerRow, ...]
@@ -124,7 +125,7 @@ class Answer:
     planar_budget: Sequence[Mapping[str, Any]] = ()
     shift: Mapping[str, Any] = field(default_factory=dict[str, Any])
     findings: Sequence[Mapping[str, Any]] = ()
-    stated_empty_mass_kg: float | None = None
+    stated_empty_mass: tuple[float, float] | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """The answer as JSON-compatible values; with one load, its masses are outside `loads`."""
@@ -165,6 +166,8 @@ def make_answer(run: Run, recording: str | None = None) -> Answer:
     one = loads[0] if len(loads) == 1 else None
     planar = _list_rows_of_frame_as_dicts(run, "planar")
     motion = next((row for row in planar if row["kind"] == "joint"), None)
+    body = about.machine.get("machine", {})
+    empty_kg, empty_u_kg = body.get("empty_mass_kg"), body.get("empty_mass_u_kg")
     return Answer(
         rows=() if masses is None else (AnswerRow.from_masses(masses, one, motion),),
         loads=loads,
@@ -180,7 +183,7 @@ def make_answer(run: Run, recording: str | None = None) -> Answer:
         notes=about.notes,
         fingerprint=about.fingerprint,
         recording=recording,
-        stated_empty_mass_kg=about.machine.get("machine", {}).get("empty_mass_kg"),
+        stated_empty_mass=None if empty_kg is None else (empty_kg, empty_u_kg or 0.0),
     )
 
 

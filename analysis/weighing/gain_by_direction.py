@@ -32,7 +32,7 @@ from analysis.weighing.load_states import (
 )
 from analysis.weighing.motion_samples import Bools, ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.nuisances import Nuisance
-from analysis.weighing.uneven_ground import is_ground_separable_from_loads
+from analysis.weighing.uneven_ground import does_load_search_include_ground
 from estimators.joint.unit_levels import HINTED
 
 #: Term with a prior so wide that it is almost free.
@@ -117,17 +117,24 @@ def estimate_force_gain_by_driving_direction(
         or does_empty_mass_confirm_two_loads(fit, body)
     ):
         return None
-    ratio = fit.previous_estimates.ground_variance_ratio_1_s
+    ratio_1_s = (
+        fit.previous_estimates.ground_variance_ratio_1_s
+        if does_load_search_include_ground(motion)
+        else 0.0
+    )
     one = FitTask(
         motion,
         noise,
         priors
         if fit.effects is None
         else fit.effects.copy_priors_excluding_unlikely_effects(priors),
-        (*select_terms_of_motion(motion, has_several_loads=False), GAIN_BY_DIRECTION),
+        (
+            *select_terms_of_motion(motion, has_several_loads=False, has_ground=False),
+            GAIN_BY_DIRECTION,
+        ),
         fit.kinematics,
         None,
-        ratio if is_ground_separable_from_loads(motion) else 0.0,
+        ratio_1_s,
     ).fit_over_sample_means(fit.samples_per_mean, 2, is_force_advanced=fit.is_force_advanced_by_lag)
     found = compute_reverse_to_forward_gain(one, fit)
     if not found.is_significant:
@@ -135,7 +142,10 @@ def estimate_force_gain_by_driving_direction(
     if not several:
         return found
     corrected = replace(motion, force=motion.force * (1.0 - one.theta[-1] * motion.direction))
-    inputs = JointFitInputs.prepare_from_motion(corrected, noise, priors, fit)
+    inputs = replace(
+        JointFitInputs.prepare_from_motion(corrected, noise, priors, fit),
+        ground_variance_ratio_1_s=ratio_1_s,
+    )
     left = fit_with_searched_load_states(fit_jointly(inputs), inputs, body.repeatability_kg)
     if left.mass_count > 1 or left.states is None:
         return None

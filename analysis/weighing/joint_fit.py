@@ -25,7 +25,7 @@ from analysis.weighing.low_gears import LOW_GEARS
 from analysis.weighing.motion_samples import CachedNoise, ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.nuisances import NUISANCES, Nuisance
 from analysis.weighing.slip_by_load import SLIP_BY_LOAD
-from analysis.weighing.uneven_ground import GROUND, is_ground_separable_from_loads
+from analysis.weighing.uneven_ground import GROUND, does_load_search_include_ground
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_comparison import (
     compare_wheels_with_accelerometer,
@@ -65,22 +65,25 @@ class JointFitInputs:
         An earlier fit gives the variance of the ground force and the springs of the body.
         """
         noise = CachedNoise(noise)
-        ratio = (
+        ground_variance_ratio_1_s = (
             0.0 if earlier_fit is None else earlier_fit.previous_estimates.ground_variance_ratio_1_s
         )
         known = None if earlier_fit is None else earlier_fit.kinematics
         wheels = estimate_wheel_kinematics(motion, noise, priors, known)
-        return cls(motion, noise, priors, wheels, ratio)
+        return cls(motion, noise, priors, wheels, ground_variance_ratio_1_s)
 
 
 def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> JointFit:
     """Fit over the shortest mean whose uncertainty is nearly the smallest."""
     motion = inputs.motion
     several = states is not None and states.state_count > 1
-    ratio = inputs.ground_variance_ratio_1_s
-    ground = GROUND if ratio or is_ground_separable_from_loads(motion) else ()
-    terms = select_terms_of_motion(motion, has_several_loads=several, ground_terms=ground)
-    whole = FitTask(motion, inputs.noise, inputs.priors, terms, inputs.kinematics, states, ratio)
+    ratio_1_s = inputs.ground_variance_ratio_1_s
+    # a short log has the ratio once its loads are known
+    has_ground = ratio_1_s > 0.0 or does_load_search_include_ground(motion)
+    terms = select_terms_of_motion(motion, has_several_loads=several, has_ground=has_ground)
+    whole = FitTask(
+        motion, inputs.noise, inputs.priors, terms, inputs.kinematics, states, ratio_1_s
+    )
     part = whole.cut_to_first_stretches(LIMITS.pilot_stretches)
     part = part if part.motion.has_enough_motion else whole
     longest = (
@@ -130,13 +133,14 @@ def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> Joi
 
 
 def select_terms_of_motion(
-    motion: MotionSamples, *, has_several_loads: bool, ground_terms: tuple[Nuisance, ...] = GROUND
+    motion: MotionSamples, *, has_several_loads: bool, has_ground: bool
 ) -> tuple[Nuisance, ...]:
     """Terms that apply to these samples; terms by load only with several loads."""
+    ground = GROUND if has_ground else ()
     return tuple(
         term
-        for term in (*NUISANCES, SLIP_BY_LOAD, *PLACE, *LOW_GEARS, *ground_terms)
-        if term.applies(motion) and (has_several_loads or not term.by_load)
+        for term in (*NUISANCES, SLIP_BY_LOAD, *PLACE, *LOW_GEARS, *ground)
+        if (has_several_loads or not term.by_load) and term.applies(motion)
     )
 
 

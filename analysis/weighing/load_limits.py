@@ -122,7 +122,8 @@ class LoadLimits:
     ground_change_m: float = 10.0
     #: Places along the route between which it does likewise.
     route_parts: int = 24
-    #: Fewest manoeuvres that separate the ground from the loads while these are searched.
+    #: Fewest manoeuvres of a log whose loads are searched with the ground in the fit: in shorter
+    #: ones it explains loads (record 0164).
     ground_min_manoeuvres: int = 24
 
     # haul_route

@@ -32,7 +32,7 @@ from analysis.weighing.load_states import (
 )
 from analysis.weighing.motion_samples import ColumnNoiseModel, Ints
 from analysis.weighing.record_places import make_load_search_rows
-from analysis.weighing.uneven_ground import is_ground_separable_from_loads
+from analysis.weighing.uneven_ground import does_load_search_include_ground
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.joint.unit_levels import HINTED, UnitLevels
 from estimators.numerics.autocorrelation import estimate_pooled_autocorrelation
@@ -52,9 +52,10 @@ def fit_with_searched_load_states(
     load also models the ground along the route.
     """
     kind = classify_load_change_evidence(first_fit.motion)
+    if few := not does_load_search_include_ground(first_fit.motion):
+        inputs = replace(inputs, ground_variance_ratio_1_s=0.0)
     settled = search_states_and_refit_until_stable(first_fit, inputs, repeatability_kg, kind)
     misfits = settled.solution.misfit_ratio > LIMITS.max_misfit_ratio
-    few = not is_ground_separable_from_loads(first_fit.motion)
     if first_fit.motion.has_single_load or not misfits or few:
         return settled
     inputs = add_ground_force_variance(first_fit, inputs)
@@ -128,9 +129,11 @@ class _PartitionComparison:
     @classmethod
     def from_fit(cls, earlier_fit: JointFit, inputs: JointFitInputs, samples_per_mean: int) -> Self:
         """Comparison of an earlier fit's manoeuvres, over means of `samples_per_mean`."""
-        motion, ratio = earlier_fit.motion, inputs.ground_variance_ratio_1_s
-        terms = select_terms_of_motion(motion, has_several_loads=True)
-        task = FitTask(motion, inputs.noise, inputs.priors, terms, inputs.kinematics, None, ratio)
+        motion, ratio_1_s = earlier_fit.motion, inputs.ground_variance_ratio_1_s
+        terms = select_terms_of_motion(motion, has_several_loads=True, has_ground=True)
+        task = FitTask(
+            motion, inputs.noise, inputs.priors, terms, inputs.kinematics, None, ratio_1_s
+        )
         number = np.unique(find_manoeuvre_of_stretches(motion))
         return cls(
             task,
@@ -218,53 +221,55 @@ def _refit_with_fixed_load_states(states: LoadStates, inputs: JointFitInputs) ->
 
 
 def _refit_with_scatter_estimated_from_states(
-    fit: JointFit, inputs: JointFitInputs, repeatability_kg: float | None, change_kinds: Ints
+    fit: JointFit,
+    inputs: JointFitInputs,
+    repeatability_kg: float | None,
+    change_kinds: Ints,
+    searched_states: LoadStates | None = None,
 ) -> JointFit:
-    """Refit the same states with the scatter and single-load probability estimated from them."""
+    """Refit the same states with the scatter about them, unless it is stated.
+
+    The probability of a single load is estimated from them too, unless `searched_states` has it.
+    """
     if not np.isfinite(fit.theta).all():
         return fit
-    manoeuvre_masses, states = (
+    masses, states = (
         _estimate_manoeuvre_mass_levels(fit, inputs, change_kinds),
         _require_load_states(fit),
     )
-    likeliest = find_load_states(manoeuvre_masses, states.manoeuvre_ids, repeatability_kg)
-    scattering = make_states_of_partition(
-        manoeuvre_masses, states.manoeuvre_ids, states.state_of_manoeuvre, usual_scatter=False
+    numbers, kept = states.manoeuvre_ids, searched_states
+    kept = kept or find_load_states(masses, numbers, repeatability_kg)
+    states = make_states_of_partition(
+        masses, numbers, states.state_of_manoeuvre, usual_scatter=False
     )
-    states = replace(scattering, single_probability=likeliest.single_probability)
-    return refit_with_extra_terms(
-        replace(fit, states=states), inputs.noise, inputs.priors, rounds=2
-    )
+    states = replace(states, single_probability=kept.single_probability)
+    if repeatability_kg is not None:
+        states = states.copy_with_stated_scatter(repeatability_kg)
+    if searched_states is not None:
+        other = searched_states.alternative_partition
+        states = replace(states, log_odds=kept.log_odds, alternative_partition=other)
+    fit = replace(fit, states=states)
+    return refit_with_extra_terms(fit, inputs.noise, inputs.priors, rounds=2)
 
 
-def refit_few_manoeuvres_with_ground(
+def refit_short_log_with_ground(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, repeatability_kg: float | None
 ) -> JointFit:
-    """Refit with the ground a log whose manoeuvres are too few for it while loads are searched.
+    """Refit with the ground a log of several loads that were searched without it.
 
-    The load states stay, with their alternatives; a scatter that is not stated is estimated again.
+    The partition stays, with its alternative, whose differences are those without the ground. A fit
+    that fails with the ground stays as it is.
     """
-    if fit.mass_count == 1 or is_ground_separable_from_loads(fit.motion):
+    ratio_1_s = fit.previous_estimates.ground_variance_ratio_1_s
+    has_ground = ratio_1_s > 0.0 or does_load_search_include_ground(fit.motion)
+    if fit.mass_count == 1 or has_ground or not np.isfinite(fit.theta).all():
         return fit
+    kind, states = classify_load_change_evidence(fit.motion), _require_load_states(fit)
     inputs = JointFitInputs.prepare_from_motion(fit.motion, noise, priors, fit)
-    inputs, states = add_ground_force_variance(fit, inputs), _require_load_states(fit)
-    found = _refit_with_fixed_load_states(states, inputs)
-    if not np.isfinite(found.theta).all():
-        return fit
-    if repeatability_kg is None:
-        kind = classify_load_change_evidence(fit.motion)
-        scattering = make_states_of_partition(
-            _estimate_manoeuvre_mass_levels(found, inputs, kind),
-            states.manoeuvre_ids,
-            states.state_of_manoeuvre,
-            usual_scatter=False,
-        )
-        states = replace(
-            scattering,
-            single_probability=states.single_probability,
-            alternative_partition=states.alternative_partition,
-        )
-    return refit_with_extra_terms(replace(found, states=states), noise, priors, rounds=2)
+    inputs = add_ground_force_variance(fit, inputs)
+    held = _refit_with_fixed_load_states(states, inputs)
+    found = _refit_with_scatter_estimated_from_states(held, inputs, repeatability_kg, kind, states)
+    return found if np.isfinite(found.theta).all() else fit
 
 
 def _estimate_manoeuvre_mass_levels(
@@ -335,13 +340,10 @@ def search_states_and_refit_until_stable(
             )
             # release the rows before the next round: for a shift they are hundreds of megabytes
             del rows, best
-            known = np.isfinite(first_fit.theta).all()
-            return (
-                refit_with_extra_terms(first_fit, inputs.noise, inputs.priors)
-                if known
-                else first_fit
-            )
-        if is_ground_separable_from_loads(first_fit.motion):
+            if not np.isfinite(first_fit.theta).all():
+                return first_fit
+            return refit_with_extra_terms(first_fit, inputs.noise, inputs.priors)
+        if does_load_search_include_ground(first_fit.motion):
             inputs = add_ground_force_variance(first_fit, inputs)
         del rows  # for a shift they are hundreds of megabytes
         first_fit = fit_jointly(inputs, states)

@@ -107,6 +107,12 @@ class LoadStates:
             and not self.assumes_scatter
         )
 
+    def copy_with_stated_scatter(self, repeatability_kg: float) -> "LoadStates":
+        """The same states with the scatter of manoeuvres that the machine file states."""
+        return replace(
+            self, scatter_kg=repeatability_kg, degrees_of_freedom=np.inf, assumes_scatter=False
+        )
+
     def reassign_to_manoeuvres_of_motion(self, motion: MotionSamples) -> "LoadStates":
         """Assign these states to the manoeuvres of another motion, and renumber them."""
         new_ids = np.unique(find_manoeuvre_of_stretches(motion))
@@ -189,9 +195,7 @@ def find_load_states(
     other = found.several if is_single else found.single
     states = _make_load_states(masses, manoeuvre_ids, best)
     if repeatability_kg is not None:
-        states = replace(
-            states, scatter_kg=repeatability_kg, degrees_of_freedom=np.inf, assumes_scatter=False
-        )
+        states = states.copy_with_stated_scatter(repeatability_kg)
     # recurrent places make loads more probable, and are not needed to exclude a single load
     single_probability = (
         found.single_probability_by_place if is_single else found.single_probability

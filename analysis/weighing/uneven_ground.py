@@ -197,6 +197,6 @@ GROUND: Final = (
 )
 
 
-def is_ground_separable_from_loads(motion: MotionSamples) -> bool:
-    """Whether the manoeuvres suffice to tell the ground from loads that are still searched."""
+def does_load_search_include_ground(motion: MotionSamples) -> bool:
+    """Whether the ground is fitted while the loads are searched, or once they are known."""
     return motion.manoeuvre_count >= LIMITS.ground_min_manoeuvres

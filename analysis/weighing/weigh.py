@@ -46,7 +46,7 @@ from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
 from analysis.weighing.load_search import (
     fit_with_searched_load_states,
     is_single_load_excluded,
-    refit_few_manoeuvres_with_ground,
+    refit_short_log_with_ground,
 )
 from analysis.weighing.missing_terms import (
     ForceCurvature,
@@ -247,8 +247,9 @@ def _weigh_with_priors(
         return None
     rate_hz, repeatability_kg = settings.align.rate_hz, machine.machine.repeatability_kg
     columns = DerivativeNoise(known, rate_hz) if machine.differentiates_speed else known
-    stops = count_standstills_so_far(excitation)
-    source = _MotionSource(aligned, excitation, gated, machine, columns, stops)
+    source = _MotionSource(
+        aligned, excitation, gated, machine, columns, count_standstills_so_far(excitation)
+    )
 
     def fit_load_states(motion: MotionSamples, start: JointFit | None = None) -> JointFit:
         fitted = JointFitInputs.prepare_from_motion(motion, columns, priors, start)
@@ -273,12 +274,10 @@ def _weigh_with_priors(
         excluded += [each.manoeuvre_id for each in grown]
         fit = fit_load_states(_exclude_manoeuvres(whole, excluded), fit)
         # tested again with the friction and drifts estimated from the other manoeuvres
-        better = {
-            each.manoeuvre_id: each
-            for each in find_manoeuvres_with_growing_load(fit, columns, whole)
-        }
+        again = find_manoeuvres_with_growing_load(fit, columns, whole)
+        better = {each.manoeuvre_id: each for each in again}
         grown = tuple(better.get(each.manoeuvre_id, each) for each in grown)
-    fit = refit_few_manoeuvres_with_ground(fit, columns, priors, repeatability_kg)
+    fit = refit_short_log_with_ground(fit, columns, priors, repeatability_kg)
     braking_kg, left_out = float("nan"), False
     if not settings.gate.exclude_braking:
         driving = _exclude_manoeuvres(source.select_motion(includes_braking=False), excluded)
@@ -287,12 +286,13 @@ def _weigh_with_priors(
             states = fit.states and fit.states.reassign_to_manoeuvres_of_motion(driving)
             alone = fit_jointly(fitted, states)
             # driving that its own model does not fit cannot contradict braking
-            _, widths = find_term_farthest_from_prior(alone, priors)
-            beyond = widths > settings.verdict.beyond_prior_max
-            if not beyond and not estimate_force_curvature(alone, columns, priors).is_significant:
+            widths = find_term_farthest_from_prior(alone, priors)[1]
+            fits = not widths > settings.verdict.beyond_prior_max
+            if fits and not estimate_force_curvature(alone, columns, priors).is_significant:
                 braking_kg, left_out = compare_masses_with_and_without_braking(fit, alone)
                 if left_out:
                     fit = fit_with_searched_load_states(alone, fitted, repeatability_kg)
+                    fit = refit_short_log_with_ground(fit, columns, priors, repeatability_kg)
     doubted = not left_out and abs(braking_kg) > LIMITS.braking_doubted_u * fit.u_kg
     fit = refit_without_unlikely_effects(fit, columns, priors)
     candidates = list_scaled_terms_absent_from_model(fit)

@@ -1,7 +1,7 @@
 """Write lines about the answer: loads, payloads, sensitivity to priors, largest uncertainty."""
 
-from collections.abc import Mapping, Sequence
-from math import ceil
+from collections.abc import Mapping
+from math import ceil, hypot
 from statistics import fmean
 from typing import Any, Final, NamedTuple
 
@@ -74,7 +74,7 @@ def describe_answer_as_lines(answer: Answer, *, is_brief: bool = False) -> list[
         return describe_load_as_lines(answer.loads[0], is_brief=is_brief)
     lines = [f"{len(answer.loads)} load states; masses are listed per load"] if answer.loads else []
     empty = [load for load in answer.loads if load.get("empty")]
-    mass = _describe_empty_mass(empty, answer.stated_empty_mass_kg)
+    mass = _describe_empty_mass(answer)
     if len(empty) == 1:
         lines.append(
             f"payloads are differences to load {empty[0]['load_id']}, taken as empty{mass}; if "
@@ -89,15 +89,21 @@ def describe_answer_as_lines(answer: Answer, *, is_brief: bool = False) -> list[
     return lines + (_list_notes_on_load(known[0]) if known else [])
 
 
-def _describe_empty_mass(empty_loads: Sequence[Mapping[str, Any]], stated_kg: float | None) -> str:
-    """Mass of the loads taken as empty, where there is one or where it is not the stated one."""
-    weighed = [load for load in empty_loads if load["mass_kg"] is not None]
+def _describe_empty_mass(answer: Answer) -> str:
+    """Mass of the loads taken as empty, in brackets; of several only if it is not the stated one.
+
+    Their errors are mostly common, so that the mean has their uncertainty.
+    """
+    weighed = [load for load in answer.loads if load.get("empty") and load["mass_kg"] is not None]
     if not weighed:
         return ""
     mass_kg, u_kg = (fmean(load[name] for load in weighed) for name in ("mass_kg", "u_kg"))
-    shown = f"{format_plus_minus(mass_kg, u_kg)} kg"
-    if stated_kg is not None and abs(mass_kg - stated_kg) > COVERAGE * u_kg:
-        return f" ({shown}, while machine.empty_mass_kg is {stated_kg:,.0f})"
+    shown = f"{format_plus_minus(mass_kg, u_kg)} kg{' on average' * (len(weighed) > 1)}"
+    if answer.stated_empty_mass is not None:
+        stated_kg, stated_u_kg = answer.stated_empty_mass
+        if abs(mass_kg - stated_kg) > COVERAGE * hypot(u_kg, stated_u_kg):
+            stated = round_to_uncertainty(stated_kg, u_kg)
+            return f" ({shown}, while machine.empty_mass_kg is {stated} kg)"
     return f" ({shown})" if len(weighed) == 1 else ""
 
 

@@ -51,19 +51,20 @@ def test_a_scale_that_nobody_knows_is_said_to_be_in_no_number():
 
 
 @pytest.mark.parametrize(
-    ("stated_kg", "shown"),
+    ("stated", "shown"),
     [
-        (4000.0, "2 loads taken as empty (3727 ± 24 kg, while machine.empty_mass_kg is 4,000); "),
-        (3750.0, "2 loads taken as empty; "),
+        ((4000.0, 0.0), "(3727 ± 24 kg on average, while machine.empty_mass_kg is 4000 kg); "),
+        ((4000.0, 200.0), "2 loads taken as empty; "),
+        ((3750.0, 0.0), "2 loads taken as empty; "),
         (None, "2 loads taken as empty; "),
     ],
 )
-def test_empty_loads_that_are_not_as_heavy_as_stated_show_both_masses(stated_kg, shown):
+def test_empty_loads_that_are_not_as_heavy_as_stated_show_both_masses(stated, shown):
     loads = [
         {**LOAD, "mass_kg": mass_kg, "empty": is_empty}
         for mass_kg, is_empty in ((3722.0, True), (4800.0, False), (3732.0, True))
     ]
-    answer = Answer((), loads, (), (), (), 1.0, Verdict(), stated_empty_mass_kg=stated_kg)
+    answer = Answer((), loads, (), (), (), 1.0, Verdict(), stated_empty_mass=stated)
     assert shown in describe_answer_as_lines(answer)[1]
 
 
