@@ -246,8 +246,9 @@ def _refit_with_scatter_estimated_from_states(
     if repeatability_kg is not None:
         states = states.copy_with_stated_scatter(repeatability_kg)
     if searched_states is not None:
-        other = searched_states.alternative_partition
-        states = replace(states, log_odds=kept.log_odds, alternative_partition=other)
+        # the noise of each manoeuvre is that of the search: the ground's prior would hide drifts
+        std_kg, other = kept.std_kg, kept.alternative_partition
+        states = replace(states, std_kg=std_kg, log_odds=kept.log_odds, alternative_partition=other)
     fit = replace(fit, states=states)
     return refit_with_extra_terms(fit, inputs.noise, inputs.priors, rounds=2)
 

@@ -93,8 +93,8 @@ def test_a_heavy_payload_holds_its_uncertainty_where_rolling_resistance_grows_wi
 def test_without_any_of_it_the_payload_is_little_wider_for_it():
     load, _ = weighed("none")
     assert abs(load["payload_kg"] - LOAD_KG) < 2.5 * load["payload_u_kg"]
-    # 4.7 kg where nothing may grow with the load or drift
-    assert load["payload_u_kg"] < 7.5
+    # 4.7 kg where nothing may grow with the load, drift or lie on uneven ground
+    assert load["payload_u_kg"] < 9.0
 
 
 @pytest.mark.heavy
