@@ -233,22 +233,23 @@ def _refit_with_scatter_estimated_from_states(
     """
     if not np.isfinite(fit.theta).all():
         return fit
-    masses, states = (
-        _estimate_manoeuvre_mass_levels(fit, inputs, change_kinds),
-        _require_load_states(fit),
-    )
-    numbers, kept = states.manoeuvre_ids, searched_states
-    kept = kept or find_load_states(masses, numbers, repeatability_kg)
-    states = make_states_of_partition(
-        masses, numbers, states.state_of_manoeuvre, usual_scatter=False
-    )
-    states = replace(states, single_probability=kept.single_probability)
+    masses = _estimate_manoeuvre_mass_levels(fit, inputs, change_kinds)
+    states = _require_load_states(fit)
+    numbers, partition = states.manoeuvre_ids, states.state_of_manoeuvre
+    found = make_states_of_partition(masses, numbers, partition, usual_scatter=False)
     if repeatability_kg is not None:
-        states = states.copy_with_stated_scatter(repeatability_kg)
-    if searched_states is not None:
-        # the noise of each manoeuvre is that of the search: the ground's prior would hide drifts
-        std_kg, other = kept.std_kg, kept.alternative_partition
-        states = replace(states, std_kg=std_kg, log_odds=kept.log_odds, alternative_partition=other)
+        found = found.copy_with_stated_scatter(repeatability_kg)
+    if searched_states is None:
+        likeliest = find_load_states(masses, numbers, repeatability_kg)
+        states = replace(found, single_probability=likeliest.single_probability)
+    else:
+        # masses of manoeuvres stay those of the search: with the ground's prior none would drift
+        states = replace(
+            searched_states,
+            scatter_kg=found.scatter_kg,
+            degrees_of_freedom=found.degrees_of_freedom,
+            assumes_scatter=found.assumes_scatter,
+        )
     fit = replace(fit, states=states)
     return refit_with_extra_terms(fit, inputs.noise, inputs.priors, rounds=2)
 

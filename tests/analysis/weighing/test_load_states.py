@@ -76,7 +76,8 @@ class TestTwoLoads:
             own = shown.filter(pl.col("load_id") == load["load_id"])
             assert own["start_t_ns"].min() == load["start_t_ns"]
             assert own["end_t_ns"].max() == load["end_t_ns"]
-            assert own["mass_kg"].mean() == pytest.approx(load["mass_kg"], abs=3.0)
+            # of short logs without the ground
+            assert own["mass_kg"].mean() == pytest.approx(load["mass_kg"], abs=load["u_kg"] / 2.0)
 
     def test_no_method_has_one_mass_for_both(self, two):
         assert two.frames["masses"]["mass_kg"].null_count() == two.frames["masses"].height
