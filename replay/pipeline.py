@@ -189,7 +189,7 @@ def run(
     seen = _run_stages(raw, placed, machine, on_stage)
     del placed  # of a shift it is half a gigabyte
     weighing, excitation = seen.weighing, seen.frames["excitation"]
-    return_freed_memory_to_os()
+    return_freed_memory_to_os()  # refits of findings allocate rows as large as those of the fit
     on_stage("findings")  # named causes of a bad estimate, with what mending each would do
     causes = _find_causes_of_log(seen, raw, machine)
     judged = add_check_of_invalidating_findings(seen.finding_inputs.verdict_frame, causes, machine)
@@ -198,7 +198,7 @@ def run(
     plane, plane_budget = make_planar_frames(
         excitation, seen.frames["gate"], opinion, machine, seen.frames["noise"]
     )
-    return_freed_memory_to_os()
+    return_freed_memory_to_os()  # of a shift what findings needed is hundreds of megabytes
     on_stage("cycles")  # load states in time, their payloads, and the sum of the shift
     manoeuvres = make_manoeuvre_frame(weighing, excitation, machine)
     answer = {

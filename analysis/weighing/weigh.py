@@ -286,9 +286,9 @@ def _weigh_with_priors(
             states = fit.states and fit.states.reassign_to_manoeuvres_of_motion(driving)
             alone = fit_jointly(fitted, states)
             # driving that its own model does not fit cannot contradict braking
-            widths = find_term_farthest_from_prior(alone, priors)[1]
-            fits = not widths > settings.verdict.beyond_prior_max
-            if fits and not estimate_force_curvature(alone, columns, priors).is_significant:
+            _, widths = find_term_farthest_from_prior(alone, priors)
+            beyond = widths > settings.verdict.beyond_prior_max
+            if not beyond and not estimate_force_curvature(alone, columns, priors).is_significant:
                 braking_kg, left_out = compare_masses_with_and_without_braking(fit, alone)
                 if left_out:
                     fit = fit_with_searched_load_states(alone, fitted, repeatability_kg)

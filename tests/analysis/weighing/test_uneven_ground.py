@@ -7,8 +7,9 @@ import pytest
 
 from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.column_inputs import ColumnInputs
+from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.motion_samples import MotionSamples
-from analysis.weighing.uneven_ground import GROUND
+from analysis.weighing.uneven_ground import GROUND, does_load_search_include_ground
 
 SAMPLES = 200
 PLACES_M = np.linspace(0.0, 80.0, SAMPLES)
@@ -72,6 +73,12 @@ def test_loaded_starts_and_empty_ones_are_on_ground_of_their_own():
     loaded, empty = (force(moments(contrast=each), *names) for each in (1.0, -1.0))
     np.testing.assert_allclose(loaded, -empty)
     assert loaded.any()
+
+
+def test_the_loads_of_few_manoeuvres_are_searched_without_the_ground():
+    least = LIMITS.ground_min_manoeuvres
+    assert not does_load_search_include_ground(motion(least - 1))
+    assert does_load_search_include_ground(motion(least))
 
 
 def test_two_manoeuvres_have_ground_and_those_one_way_none_of_the_other():
