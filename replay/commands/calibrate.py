@@ -31,7 +31,10 @@ def command(
     check: Annotated[
         float | None,
         typer.Option(
-            "--check", metavar="REF_KG", min=0, help="Check --previous against REF_KG on board."
+            "--check",
+            metavar="REF_KG",
+            min=0,
+            help="Check --previous by a log with a mass of REF_KG.",
         ),
     ] = None,
     check_u: Annotated[

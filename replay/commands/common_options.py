@@ -31,7 +31,8 @@ Logs = Annotated[
     ),
 ]
 FormatOption = Annotated[
-    FrameFormat | None, typer.Option("--format", help="Default: by the suffix of -o, or a table.")
+    FrameFormat | None,
+    typer.Option("--format", help="Default: by the suffix of -o, or else a table."),
 ]
 OutputFile = Annotated[
     Path | None, typer.Option("-o", "--output", help="Write to this file instead of stdout.")

@@ -34,7 +34,9 @@ def command(
     output: Annotated[
         list[Path] | None,
         typer.Option(
-            "-o", "--output", help="Picture (.png, .pdf, .svg), or with --apply a .toml; or both."
+            "-o",
+            "--output",
+            help="Picture (.png, .pdf, .svg); the machine file of --apply (.toml).",
         ),
     ] = None,
     apply: Annotated[

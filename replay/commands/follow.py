@@ -43,7 +43,7 @@ def command(
         float, typer.Option("--idle-s", min=0.0, help="End after this many seconds without growth.")
     ] = 10.0,
     valid_s: Annotated[
-        float, typer.Option("--valid-s", min=0.0, help="Age after which a mass counts as old.")
+        float, typer.Option("--valid-s", min=0.0, help="Age in s above which a mass counts as old.")
     ] = 120.0,
     until_u: Annotated[
         float | None,
@@ -70,11 +70,11 @@ def command(
         ),
     ] = 0.1,
     live: Annotated[
-        bool, typer.Option("--live", help="Show it in a browser on this machine as it grows.")
+        bool, typer.Option("--live", help="Show the recording in a browser as it grows.")
     ] = False,
     force: Annotated[bool, typer.Option(help="Replace existing outputs.")] = False,
     as_json: Annotated[
-        bool, typer.Option("--json", help="Print reports as JSON lines: manoeuvres, each second.")
+        bool, typer.Option("--json", help="Print a JSON line for each manoeuvre and second.")
     ] = False,
 ) -> None:
     """Follow a log while it is recorded: gate, estimates and masses as the machine drives.

@@ -74,7 +74,7 @@ def _make_viewer_argument_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--application-id", help="application id of the recording that the viewer waits for"
     )
-    parser.add_argument("--recording-id", help="id of that recording")
+    parser.add_argument("--recording-id", help="id of the recording that the viewer waits for")
     parser.add_argument(
         "--entity-path-prefix", default="", help="entity path under which everything is shown"
     )
@@ -84,6 +84,6 @@ def _make_viewer_argument_parser() -> argparse.ArgumentParser:
             action="append",
             default=[],
             metavar="TIMELINE=TIME",
-            help="time of everything on an additional timeline; repeatable",
+            help="additional timeline, and the time of all data on it; repeatable",
         )
     return parser

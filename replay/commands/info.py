@@ -30,7 +30,7 @@ def command(
     ] = False,
     fields: Annotated[
         bool,
-        typer.Option("--fields", help="Describe every field of messages too: reads all of them."),
+        typer.Option("--fields", help="Describe every message field too, by reading all messages."),
     ] = False,
     timezone: Annotated[str, typer.Option(help="The time zone of the times shown.")] = "UTC",
     as_json: Annotated[bool, typer.Option("--json", help="Print as JSON.")] = False,

@@ -19,7 +19,7 @@ def command(
     ] = None,
     machine: Annotated[
         Path | None,
-        typer.Option("-m", "--machine", help="The campaign's machine file: finds load states."),
+        typer.Option("-m", "--machine", help="Machine file of the campaign, to find its loads."),
     ] = None,
     time: TimeColumn = None,
     time_unit: TimeUnit = None,

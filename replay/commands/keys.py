@@ -44,7 +44,7 @@ def list_keys(
 @app.command()
 def add(
     key: Annotated[str, typer.Argument(help="Public Ed25519 key: a PEM file, or its base64.")],
-    owner: Annotated[str, typer.Option(help="Owner of the key, verified by another way.")],
+    owner: Annotated[str, typer.Option(help="Owner of the key, whom you have verified.")],
     valid_from: Annotated[
         dt.datetime | None, typer.Option(formats=_DAY, help="First day of valid signatures.")
     ] = None,

@@ -23,7 +23,7 @@ def command(
         Path, typer.Option("-o", "--output", help="The picture (.png, .pdf or .svg).")
     ],
     figure: Annotated[
-        FigureName, typer.Option("--figure", help="Everything on one page, or one question.")
+        FigureName, typer.Option("--figure", help="One page with everything, or a single figure.")
     ] = FigureName.page,
     at_s: Annotated[
         float | None,

@@ -124,12 +124,14 @@ def command(
         typer.Option("--full", help="Keep every sample and all intermediate results in shift.rrd."),
     ] = False,
     week: Annotated[
-        bool, typer.Option("--week", help="Sum the folders of reviews by day, machine, product.")
+        bool, typer.Option("--week", help="Sum several reviews by day, machine and product.")
     ] = False,
     friction_limit: FrictionLimit = None,
     decimal_comma: Annotated[
         bool,
-        typer.Option("--decimal-comma", help="Write ledger_table.csv with 1,5 and semicolons."),
+        typer.Option(
+            "--decimal-comma", help="Write 1,5 for 1.5 in ledger_table.csv, and semicolons."
+        ),
     ] = False,
     timing: Annotated[bool, typer.Option(help="Print the duration of each stage.")] = False,
     force: Annotated[

@@ -13,7 +13,7 @@ def command(
         typer.Option(
             "-o",
             "--output",
-            help="The log: .bag, .mcap, .db3, .csv, or without suffix a rosbag2 directory.",
+            help="Log to write: .bag, .mcap, .db3, .csv; without suffix, a rosbag2 directory.",
         ),
     ],
     overrides: Annotated[

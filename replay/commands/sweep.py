@@ -66,7 +66,7 @@ def command(
     reference_kg: Annotated[
         float | None,
         typer.Option(
-            "--reference", metavar="KG", help="The true mass; the error of each mass is added."
+            "--reference", metavar="KG", help="The true mass; also show the error of each mass."
         ),
     ] = None,
     output_format: FormatOption = None,

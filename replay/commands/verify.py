@@ -54,7 +54,8 @@ def command(
         bool, typer.Option("--page", help="Write the page that checks evidence in a browser.")
     ] = False,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="File of that page.", show_default=False)
+        Path | None,
+        typer.Option("--output", "-o", help="File to write the page to.", show_default=False),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace an existing page.")] = False,
 ) -> None:
