@@ -53,13 +53,13 @@ class SimulatedDrivetrain(BaseModel):
         description="natural frequency of wheels against body over a torsional spring; 0: rigid",
     )
     resonance_damping: float = Field(
-        default=0.1, ge=0, le=2, description="damping ratio of that spring"
+        default=0.1, ge=0, le=2, description="damping ratio of wheels against body"
     )
     wheel_mass_share: float = Field(
         default=0.1,
         gt=0,
         lt=1,
-        description="share of the weighed mass on the wheel side of that spring",
+        description="share of the weighed mass on the wheel side of the torsional spring",
     )
     relaxation_length_m: float = Field(
         default=0.0,
@@ -98,21 +98,21 @@ class SimulatedBrakes(BaseModel):
         "0: at once",
     )
     release_N: float = Field(
-        default=2000.0, ge=0, le=1e6, description="drag at the beginning of that release"
+        default=2000.0, ge=0, le=1e6, description="drag of the brakes as their release begins"
     )
     gentle_m_s2: float = Field(
         default=0.0,
         ge=0,
         le=5,
-        description="deceleration by brakes that no force sensor measures, besides friction, "
-        "down to standstill, in place of campaign.braking_m_s2; 0: "
-        "campaign.braking_m_s2",
+        description="deceleration by brakes that no force sensor measures, in addition to "
+        "friction, until the machine stands; above 0 it replaces campaign.braking_m_s2, "
+        "at 0 campaign.braking_m_s2 applies",
     )
     gentle_lead_s: float = Field(
         default=0.5,
         ge=0,
         le=60,
-        description="time from the onset of these brakes to the end of throttle, in the cruise",
+        description="time by which the unmeasured brakes act before the cruise ends",
     )
 
 
@@ -155,10 +155,10 @@ class SimulatedChassis(BaseModel):
         default=0.2,
         ge=0,
         le=10,
-        description="peak-to-peak motion of that mass, ahead and back, a sine",
+        description="peak-to-peak motion of boom_kg, fore and aft, a sine",
     )
     boom_period_s: float = Field(
-        default=4.0, ge=0.1, le=1000, description="period of the motion of that mass"
+        default=4.0, ge=0.1, le=1000, description="period of the motion of boom_kg"
     )
 
 
@@ -171,7 +171,7 @@ class SimulatedRolling(BaseModel):
         default=0.0,
         ge=0,
         le=0.5,
-        description="resistance of a slow machine that goes straight, over its weight with load",
+        description="resistance in straight, slow driving over the weight with load",
     )
     second_ground_more: float = Field(
         default=0.0,

@@ -45,7 +45,7 @@ class SimulatedSensors(BaseModel):
         default=1.0,
         gt=0,
         le=1e5,
-        description="correlation time of that noise: e-folding of its autocorrelation",
+        description="correlation time of the coloured force noise: e-folding of autocorrelation",
     )
     acc_bias_m_s2: float = Field(default=0.0, description="bias of the accelerometer along x")
     gyro_bias_rad_s: float = Field(default=0.0, description="bias of each gyroscope axis")
@@ -103,7 +103,7 @@ class SimulatedRecorder(BaseModel):
         default=120.0, ge=0, le=86_400, description="time between two logs"
     )
     latency_s: float = Field(
-        default=0.002, ge=0, le=1, description="least latency from measurement to recording"
+        default=0.002, ge=0, le=1, description="smallest latency from measurement to recording"
     )
     latency_jitter_s: float = Field(
         default=0.001,
@@ -124,9 +124,9 @@ class SimulatedRecorder(BaseModel):
         default=0.0,
         ge=0,
         le=1e6,
-        description="mean time between stretches in which nothing is recorded; 0: never",
+        description="mean time between blackouts, in which nothing is recorded; 0: never",
     )
-    blackout_s: float = Field(default=1.0, gt=0, le=3600, description="duration of such a stretch")
+    blackout_s: float = Field(default=1.0, gt=0, le=3600, description="duration of a blackout")
 
 
 class SimulatedDefects(BaseModel):
@@ -198,14 +198,14 @@ class SimulatedDefects(BaseModel):
     )
     sides_swapped: bool = Field(default=False, description="left and right are swapped")
     frozen_topic: Literal["none", "imu", "torque", "speed"] = Field(
-        default="none", description="topic whose values repeat while its stamps go on"
+        default="none", description="topic that freezes: its values repeat, its stamps go on"
     )
-    frozen_s: float = Field(default=1.0, gt=0, le=3600, description="duration of a repetition")
+    frozen_s: float = Field(default=1.0, gt=0, le=3600, description="duration of a freeze")
     frozen_every_s: float = Field(
         default=30.0,
         gt=0,
         le=1e6,
-        description="time between such repetitions, and before the first",
+        description="time between two freezes, and before the first",
     )
 
     @property

@@ -45,7 +45,9 @@ class Start(_Manoeuvre):
         le=1e6,
         description="resistance that grows from 0 until the throttle is shut, and then stays",
     )
-    digging_s: float = Field(default=1.0, gt=0, le=600, description="duration of that growth")
+    digging_s: float = Field(
+        default=1.0, gt=0, le=600, description="time in which the resistance grows"
+    )
 
 
 class Spin(_Manoeuvre):
@@ -109,12 +111,12 @@ class Travel(_Manoeuvre):
 
     kind: Literal["travel"] = "travel"
     duration_s: float = Field(default=300.0, gt=0, le=3600, description="duration of the drive")
-    speed_least_m_s: float = Field(default=5.0, gt=0, le=50, description="least speed held")
+    speed_least_m_s: float = Field(default=5.0, gt=0, le=50, description="lowest speed held")
     speed_most_m_s: float = Field(default=15.0, gt=0, le=50, description="highest speed held")
-    hold_least_s: float = Field(default=4.0, gt=0, le=3600, description="least time at a speed")
+    hold_least_s: float = Field(default=4.0, gt=0, le=3600, description="shortest time at a speed")
     hold_most_s: float = Field(default=12.0, gt=0, le=3600, description="longest time at a speed")
     acceleration_m_s2: float = Field(
-        default=1.0, gt=0, le=20, description="acceleration with which the wanted speed changes"
+        default=1.0, gt=0, le=20, description="acceleration from one held speed to the next"
     )
     response_s: float = Field(
         default=0.5,
@@ -128,11 +130,11 @@ class Travel(_Manoeuvre):
     stand_least_s: float = Field(default=1.0, ge=0, le=3600, description="shortest stop")
     stand_most_s: float = Field(default=5.0, ge=0, le=3600, description="longest stop")
     to_and_fro: bool = Field(
-        default=False, description="after each stop the machine drives back over its last way"
+        default=False, description="after each stop the machine drives back the way it came"
     )
     motor_brakes: bool = Field(
         default=False,
-        description="the motor slows the machine, and the force sensors measure all of that",
+        description="the motor brakes the machine, and the force sensors measure all of it",
     )
     in_motion: bool = Field(default=False, description="the log begins and ends in motion")
 

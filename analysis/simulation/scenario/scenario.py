@@ -35,7 +35,7 @@ class SimulatedStarts(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     throttle_least: float = Field(
-        default=1.0, gt=0, le=1, description="least share of the throttle in a start"
+        default=1.0, gt=0, le=1, description="smallest share of the throttle in a start"
     )
     throttle_most: float = Field(
         default=1.0,
@@ -60,7 +60,7 @@ class SimulatedStarts(BaseModel):
         description="largest reduction of the throttle by an oscillating stick, as a share of it",
     )
     stick_hz: float = Field(
-        default=0.7, gt=0, le=50, description="frequency of that oscillation, a sine"
+        default=0.7, gt=0, le=50, description="frequency of the stick, which oscillates as a sine"
     )
     turn_rad_s: float = Field(
         default=0.0, ge=-1, le=1, description="yaw rate of a start, reached above 0.1 m/s"
@@ -69,7 +69,7 @@ class SimulatedStarts(BaseModel):
         default=5000.0,
         ge=0,
         le=1e7,
-        description="resistance of scrubbing tyres per yaw rate of such a start",
+        description="resistance of scrubbing tyres per yaw rate, in a start that turns",
     )
 
     @model_validator(mode="after")
@@ -235,7 +235,7 @@ class SimulatedCampaign(BaseModel):
         default=0.08, ge=0.001, le=10, description="first-order lag of drive and brakes"
     )
     braking_m_s2: float = Field(
-        default=1.5, gt=0, le=20, description="deceleration that the brakes add to friction's"
+        default=1.5, gt=0, le=20, description="deceleration by the brakes, in addition to friction"
     )
     brake_measured_share: float = Field(
         default=0.4, ge=0, le=1, description="share of the braking force that the sensors measure"
@@ -294,7 +294,7 @@ class SimulatedTerrain(BaseModel):
         default=20.0, ge=1, le=10_000, description="distance from hill to hill"
     )
     hills_phase_deg: float = Field(
-        default=0.0, ge=-360, le=360, description="phase of that sine where a log begins"
+        default=0.0, ge=-360, le=360, description="phase of the hills where a log begins"
     )
     gravity_m_s2: float = Field(default=9.80665, gt=9.7, lt=9.9, description="local gravity")
 

@@ -32,13 +32,13 @@ class SimulatedShift(BaseModel):
         default=0,
         ge=0,
         le=100,
-        description=("number of logs that lose their end: the file is torn off"),
+        description=("number of logs that are truncated: the end of the file is missing"),
     )
     damage_share: float = Field(
         default=0.02,
         gt=0,
         lt=1,
-        description="largest share of its length that such a log loses, uniform",
+        description="largest share of its length that a truncated log loses, uniform",
     )
     load_kg: float = Field(
         default=700.0, gt=0, le=1e5, description="mean load in the bucket when it is hauled"
@@ -65,10 +65,10 @@ class SimulatedShift(BaseModel):
         default=0.0,
         ge=0,
         le=1,
-        description="share of cycles in which a part of the load is poured at a stop on the way",
+        description="share of cycles in which part of the load is poured out at a stop on the way",
     )
     pour_share: float = Field(
-        default=0.2, gt=0, lt=1, description="share of the load that is poured at such a stop"
+        default=0.2, gt=0, lt=1, description="share of the load that is poured out at that stop"
     )
     haul_m: float = Field(
         default=40.0,
@@ -98,7 +98,7 @@ class SimulatedShift(BaseModel):
         default=2.5,
         ge=0.2,
         le=60,
-        description="mean pause between starts, uniform from half to 1.5 of it",
+        description="mean pause between starts; pauses are uniform from 0.5 to 1.5 times this",
     )
     dig_s: float = Field(
         default=4.0, ge=1, le=60, description="duration of open throttle in the pile"
