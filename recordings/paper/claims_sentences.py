@@ -22,7 +22,7 @@ _DIRECTIONAL: Final = {
     "ungated": "ungated but forgetting directionally",
 }
 _SHORT_STARTS: Final = {
-    "nothing": "In a campaign of short starts and stops there is little to be saved from.",
+    "nothing": "In a campaign of short starts and stops the gate has little to save RLS from.",
     "refusing braking": (
         "In a campaign, refusing windows with braking alone helps as much as the whole gate."
     ),
@@ -94,9 +94,9 @@ def make_claim_sentences(claims: Claims) -> ItemSentences:
         (
             "Campaigns as in Tables 3 and 4, at 320 samples and 0.7 nat. The paper does not say "
             "whether its averages are of errors or of their sizes, nor what its ± covers.",
-            "About the buffer, RLS runs on over changes of the load, as on board. Elsewhere it "
-            "begins anew at each, as in a replay, from the first window of the load alone, and so "
-            "is worse.",
+            "For the claim on the buffer, RLS runs on across changes of the load, as on board. For "
+            "the others it starts again at each change, as in a replay, from the first window of "
+            "that load alone, and so is worse.",
             "RLS without the criterion is fed every sample, or every sample but braking; the "
             f"claim's constant speed is a cruise of {PAPER_LIMITS.cruise_s:g} s after a start of "
             "3 s.",

@@ -18,15 +18,15 @@ from recordings.paper.paper_wording import (
 )
 
 _TABLE_1_CHOICES: Final = (
-    "Noise of single samples, which the paper does not give, is that which comes nearest to its "
+    "The noise of single samples, which the paper does not give, is chosen to come nearest to its "
     "LS row: 60 N, 0.01 m/s² and 0.005 m/s, before the moving mean of 10 samples.",
     "The drive is the triangle of section 3.1 with f0 = 0, A/2 = 6 kN and a period of 15 s; mass "
     "and friction are 3614 kg and 2891 N·s/m.",
     "Windows start at a random phase of the steady oscillation and are not gated: the paper does "
-    "not say where its windows start, and one trial a length is all that it seems to show.",
+    "not say where its windows start, and seems to show a single trial for each length.",
     "RLS sees what the others see: it starts from OLS over the first 0.2 s of the window.",
-    "The bound is that of as many samples before the mean as the window has; `strict_bound_kg` in "
-    "the CSV counts in the 9 earlier samples that its first means hold.",
+    "The bound counts as many samples before the mean as the window has; `strict_bound_kg` in the "
+    "CSV also counts the 9 earlier samples that the first means of the window contain.",
     "Pooled LS over one ungated window is LS.",
 )
 _CAMPAIGN: Final = (
@@ -37,8 +37,8 @@ _ERRORS_CHOSEN: Final = (
     "The error is that of a single run after (19), with every load in the fit, and with the run's "
     "own load left out; that of the load means is in the CSV. The paper does not say which it "
     "prints; it fits and judges on the same loads.",
-    "The bound is that of one run's mass from its samples in accepted windows, before (19), which "
-    "is fitted to the errors with every load in the fit and so takes a little out of them.",
+    "The bound is for one run's mass from its samples in accepted windows, before (19). With every "
+    "load in the fit, (19) is fitted to the errors that it corrects, and so makes them smaller.",
 )
 _NO_GATE: Final = "Every complete window is used: the paper does not say that it gates here."
 #: Range of the ratio of two errors within which they count as similar.
@@ -74,9 +74,9 @@ def _make_best_window_length_sentence(numbers: Table1) -> str:
     theirs = join_words_as_list(f"{NAMES[m]} at {at:g} s" for m, at in printed.items())
     mine = join_words_as_list(f"{NAMES[m]} at {ours[m]:g} s" for m in printed if m in ours)
     return (
-        "The text calls 10 s optimal for all methods. Its own table is smallest for "
-        f"{theirs}; ours for {mine}. The longest window that the manoeuvre allows is best, until "
-        "the memory of RLS is full."
+        "The text calls 10 s optimal for all methods. The error in its own table is smallest for "
+        f"{theirs}; in ours for {mine}. The longest window that the manoeuvre allows is best, "
+        "until the memory of RLS is full."
     )
 
 
@@ -112,8 +112,8 @@ def _make_raw_units_sentence(numbers: Table1) -> str:
     return (
         "TLS on raw units takes the noise of N, m/s² and m/s to be alike. With 150 N and "
         f"0.03 m/s² of noise its error at {raw['window_s']:g} s is {raw['rmse_kg']:.0f} kg "
-        f"({raw['over_bound_1']:.1f} times the bound, and another number at every seed, for its "
-        f"tails are heavy); on columns scaled by their noise it is {scaled['rmse_kg']:.0f} kg "
+        f"({raw['over_bound_1']:.1f} times the bound, and a different number for every seed, since "
+        f"its tails are heavy); on columns scaled by their noise it is {scaled['rmse_kg']:.0f} kg "
         f"({scaled['over_bound_1']:.2f} times). The printed TLS errors, mostly above LS, look like "
         "raw units."
     )
@@ -142,8 +142,8 @@ def make_calibration_line_table_sentences(numbers: Table2) -> ItemSentences:
             f"{1 / alpha_1:.0f} times as fast as the load. That is no effect of "
             f"noise: with an ideal torque chain LS has a slope of {ideal.alpha_1:.3f} "
             f"[{ideal.alpha_1_low:.3f}, {ideal.alpha_1_high:.3f}].",
-            f"With the assumed torque chain LS has {through.alpha_1:.3f} and "
-            f"{through.beta_kg:.0f} kg, the paper {alpha_1:.3f} and "
+            f"With the assumed torque chain LS has a slope of {through.alpha_1:.3f} and an offset "
+            f"of {through.beta_kg:.0f} kg, the paper {alpha_1:.3f} and "
             f"{beta_kg:.0f} kg: plausible, not proven.",
             f"With so small a slope the offset is {format_percent(numbers.offset_share_1)} of the "
             "calibrated mass: the answer is nearly the mean of the reference masses, and nothing "
@@ -206,8 +206,7 @@ def _make_smallest_error_sentence(methods: Sequence[ErrorExtremes], unit: str) -
     sentences: list[str] = []
     for each in methods:
         chance = (
-            "alike within the interval of the best: "
-            f"{join_words_as_list(f'{at:g}' for at in each.alike)}"
+            f"within the interval of the best: {join_words_as_list(f'{at:g}' for at in each.alike)}"
             if len(each.alike) < each.values
             else "all within the interval of the best"
         )
@@ -215,7 +214,7 @@ def _make_smallest_error_sentence(methods: Sequence[ErrorExtremes], unit: str) -
             f"{NAMES[each.method]} is smallest at {each.best:g} {unit} ({each.best_kg:.1f} kg) and "
             f"largest at {each.worst:g} {unit} ({each.worst_kg:.1f} kg; {chance})"
         )
-    return f"Ours, own load left out: {'; '.join(sentences)}."
+    return f"Our errors, own load left out: {'; '.join(sentences)}."
 
 
 def _make_nearest_bound_sentence(nearest_method: Mapping[str, float]) -> str:
@@ -327,7 +326,7 @@ def make_gate_figure_sentences(numbers: Figure5) -> ItemSentences:
         ("The first run of a simulated campaign, without load; the window is 320 samples.",),
         (
             f"The index reaches {highest}. The paper, too, sees it large while decelerating; but "
-            "braking takes another hydraulic path than the torque sensors see, so a window that "
+            "braking takes a hydraulic path that the torque sensors do not see, so a window that "
             "contains braking is refused whatever its index.",
             NO_NUMBERS,
         ),
