@@ -40,7 +40,7 @@ _CANDIDATES: Final = {
     2.0: "one side instead of both, or both instead of one",
     2.2369: "mile/h instead of m/s",
     3.6: "km/h instead of m/s",
-    4.4482: "lbf for N",
+    4.4482: "lbf instead of N",
     1.3558: "lbf·ft instead of N·m",
     8.8507: "lbf·in instead of N·m",
     9.5493: "rpm instead of rad/s",
@@ -148,7 +148,7 @@ def list_possible_causes_of_mass_ratio(
     ]
     named = [what for _, what in sorted(near)]
     gear = f"a gear or gain of {times:.3g}"
-    return [gear if mass_ratio > 1.0 else f"{gear} the other way", *named[:3]]
+    return [gear if mass_ratio > 1.0 else f"{gear} applied inversely", *named[:3]]
 
 
 @dataclass(frozen=True)

@@ -276,8 +276,8 @@ def _find_descents_without_pitch(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             held_s / LIMITS.descent_min_s,
-            f"without drive the machine held or gained speed for {held_s:.0f} s, as on falling "
-            "ground: a pitch channel, or an accelerometer that includes gravity, would show it",
+            f"without drive the machine held or gained speed for {held_s:.0f} s, as when it drives "
+            "downhill: a pitch channel, or an accelerometer that includes gravity, would show it",
             alternatives=("external_force",),
         )
     ]
@@ -322,8 +322,8 @@ def _find_slope_under_gravity_free_acceleration(inputs: FindingInputs) -> list[S
     return [
         Symptom(
             strength,
-            f"standing at {np.degrees(pitch):+.2f} ± {np.degrees(std):.2f}°, the accelerometer "
-            f"reads {z:.2f} m/s² of gravity along z: gravity has been removed",
+            f"at standstill with a pitch of {np.degrees(pitch):+.2f} ± {np.degrees(std):.2f}° the "
+            f"accelerometer reads {z:.2f} m/s² of gravity along z: gravity has been removed",
             channel=ACC,
             setting=keys,
             value=new,

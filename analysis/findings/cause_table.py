@@ -37,8 +37,8 @@ CAUSES: Final = (
     Cause(
         "sign_flipped",
         "a channel, or one side of it, has the wrong sign",
-        f"{_BOTH} to determine which channel; slopes for a pitch; a drive in which force and "
-        "acceleration change",
+        f"{_BOTH} to determine which channel; sloping ground for a pitch channel; a drive in which "
+        "force and acceleration change",
         sign_causes.find_flipped_sign,
         withholds=True,
         explains=(
@@ -61,8 +61,8 @@ CAUSES: Final = (
     Cause(
         "wrong_unit",
         "a channel is in another unit than the machine file states",
-        f"{_BOTH}, or its z axis at standstill; slopes for a pitch; for the force the machine's "
-        "empty mass",
+        f"{_BOTH}, or its z axis at standstill; sloping ground for a pitch channel; for the force "
+        "the machine's empty mass",
         sign_causes.find_wrong_channel_unit,
         withholds=True,
         explains=(*_OF_FIT, "imu_misaligned", "offset", "slope", "wrong_scale"),
@@ -111,7 +111,7 @@ CAUSES: Final = (
     Cause(
         "saturated",
         "readings are clipped at the limit of the sensor",
-        "starts that reach it",
+        "starts in which a reading reaches that limit",
         channel_causes.find_saturation,
         withholds=True,
         explains=(*_OF_FIT, "quantised", "wrong_unit", "wrong_scale", "unlike_sides"),
@@ -126,7 +126,7 @@ CAUSES: Final = (
     ),
     Cause(
         "quantised",
-        "a channel resolves less than its noise",
+        "the resolution of a channel is coarser than its noise",
         "motion",
         sampling_causes.find_coarse_channel_resolution,
         explains=(
@@ -154,7 +154,7 @@ CAUSES: Final = (
     Cause(
         "repeated_rows",
         "the logger wrote a stretch twice",
-        "readings with noise that is resolved, and a copy of two seconds and fifty rows",
+        "a resolution finer than the noise, and a copy of two seconds and fifty rows",
         sampling_causes.find_copied_row_stretches,
         # excluded samples are a gap
         explains=("gaps", *_OF_FIT),
@@ -263,7 +263,7 @@ CAUSES: Final = (
     Cause(
         "hysteresis",
         "the force has hysteresis: it reads less while it rises and more while it falls",
-        "starts that reach a force and let it fall",
+        "starts in which the force rises and falls again",
         residual_causes.find_force_hysteresis,
         explains=("delay", "coulomb", "braking_inside", *_OF_RESIDUALS),
     ),
@@ -276,7 +276,7 @@ CAUSES: Final = (
     Cause(
         "scale_step",
         "the scale of force or speed, or the machine, changes within the log",
-        "an empty machine that comes back after a load, before the change and after it",
+        "before the change and after it, an empty machine that returns after a load",
         mass_drifts.find_step_of_lightest_load,
         withholds=True,
         explains=("gain_drift", "coulomb", "gain_by_speed", "wrong_scale"),

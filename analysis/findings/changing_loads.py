@@ -110,8 +110,8 @@ def find_force_gain_by_direction(inputs: FindingInputs) -> list[Symptom]:
             f"in reverse the gain of the force differs by {apart:+.1%} ± {found.std_1:.1%} and "
             f"there is one load, or there are {found.loads} that depend on the direction: this log "
             "cannot distinguish the two. To decide, add a boom or bucket channel, or set "
-            "settings.loads.single_load, empty_from_s and empty_to_s there, machine.digs or "
-            "machine.force_gain_in_reverse (1: equal in both directions)"
+            "settings.loads.single_load, settings.loads.empty_from_s and .empty_to_s, machine.digs "
+            "or machine.force_gain_in_reverse (1: equal in both directions)"
         )
     of_mass_kg = found.relative_mass_u * abs(weighing.fit.mass_kg)
     return [

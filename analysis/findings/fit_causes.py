@@ -273,7 +273,7 @@ def find_force_gain_drift(inputs: FindingInputs) -> list[Symptom]:
                 abs(fitted.value) / LIMITS.trusted_gain_drift_1,
             ),
             f"force over acceleration changes by {fitted.value:+.1%} ± {fitted.std:.1%} from the "
-            "beginning of the log to its end: the force's gain, or the load",
+            "beginning of the log to its end: the force's gain drifts, or the load changes",
             channel=inputs.force_channel,
             # the masses contain its mean over the log
             change=lambda: MassChange(0.0, abs(fitted.value) / 2.0 * abs(fit.mass_kg)),

@@ -312,8 +312,8 @@ def find_coarse_channel_resolution(inputs: FindingInputs) -> list[Symptom]:
         found.append(
             Symptom(
                 repeats / LIMITS.repeated_fraction,
-                f"{repeats:.0%} of its moving readings repeat the one before; it "
-                f"resolves {lsb:.3g}",
+                f"{repeats:.0%} of its readings in motion repeat the one before; its resolution is "
+                f"{lsb:.3g}",
                 channel=name,
             )
         )

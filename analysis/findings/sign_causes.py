@@ -26,25 +26,29 @@ from estimators.arrays import Floats
 
 #: Mistakes of speed units, by the ratio of the units.
 _SPEED_UNITS: Final = {
-    3.6: "km/h as m/s",
-    1.0 / 0.44704: "mile/h as m/s",
-    1.609344: "km/h as mile/h",
-    1.0 / 1.609344: "mile/h as km/h",
-    1.0 / 0.3048: "ft/s as m/s",
-    1000.0: "mm/s as m/s",
-    9.5493: "rpm as rad/s",
-    57.2958: "degrees/s as rad/s",
+    3.6: "km/h read as m/s",
+    1.0 / 0.44704: "mile/h read as m/s",
+    1.609344: "km/h read as mile/h",
+    1.0 / 1.609344: "mile/h read as km/h",
+    1.0 / 0.3048: "ft/s read as m/s",
+    1000.0: "mm/s read as m/s",
+    9.5493: "rpm read as rad/s",
+    57.2958: "degrees/s read as rad/s",
 }
 #: Mistakes of wheel speed units, by the ratio over the wheel radius.
-_WHEEL_UNITS: Final = {1.0: "rad/s as m/s", 9.5493: "rpm as m/s", 57.2958: "degrees/s as m/s"}
+_WHEEL_UNITS: Final = {
+    1.0: "rad/s read as m/s",
+    9.5493: "rpm read as m/s",
+    57.2958: "degrees/s read as m/s",
+}
 _ACC_AXES: Final = (ACC, "specific_force_y_m_s2", "specific_force_z_m_s2")
-_ACC_UNITS: Final = {1.0 / 9.80665: "g as m/s²", 1000.0: "mm/s² as m/s²"}
+_ACC_UNITS: Final = {1.0 / 9.80665: "g read as m/s²", 1000.0: "mm/s² read as m/s²"}
 _FORCE_UNITS: Final = {
-    1000.0: "mN as N",
-    1e-3: "kN as N",
-    1.0 / 4.4482216: "lbf as N",
-    1.0 / 9.80665: "kgf as N",
-    8.8507: "lbf·in as N·m",
+    1000.0: "mN read as N",
+    1e-3: "kN read as N",
+    1.0 / 4.4482216: "lbf read as N",
+    1.0 / 9.80665: "kgf read as N",
+    8.8507: "lbf·in read as N·m",
 }
 
 

@@ -142,7 +142,7 @@ class EmptyMachine:
         here_kg = self.mass_with_rotating_parts_kg - self._body.rotating_mass_kg
         return (
             f"empty_mass: the empty machine weighs {here_kg:,.0f} ± {u_kg:,.0f} kg here, but "
-            f"{self._body.empty_mass_kg:,.0f} kg by its machine file"
+            f"{self._body.empty_mass_kg:,.0f} kg in its machine file"
         )
 
     @property
