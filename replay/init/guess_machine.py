@@ -42,11 +42,11 @@ _COLUMNS: Final = frozenset(column.name for column in CHANNEL_COLUMNS)
 #: Questions on settings that have a default and affect every answer, asked after missing items. The
 #: second is asked unless a replay of the draft answers it.
 _TO_ANSWER = (
-    "does the machine dig? machine.digs = false where it has no bucket",
-    "does the force sensor measure the brakes? if so, settings.gate.exclude_braking = false",
+    "does the machine dig? if it has no bucket, set machine.digs = false",
+    "does the force sensor measure the brakes? if so, set settings.gate.exclude_braking = false",
 )
 BRAKES_QUESTION: Final = _TO_ANSWER[1]
-_JOINT_UNIT = 'are the joints\' velocities in m/s? if they are in rad/s, scale = "wheel_radius_m"'
+_JOINT_UNIT = 'are the joints\' velocities in m/s? if in rad/s, set scale = "wheel_radius_m"'
 _WHICH_MACHINE: Final = "which of {} is meant: the draft takes the first"
 #: Channels of both sides, and the one that they make unnecessary.
 _OF_BOTH_SIDES: Final = {"speed_{}_m_s": "speed_x_m_s", "torque_{}_N_m": "force_x_N"}
@@ -56,7 +56,7 @@ Source = tuple[str | None, str]
 
 _AXES: Final = ("specific_force_x_m_s2", "specific_force_y_m_s2", "specific_force_z_m_s2")
 _YAW_RATE_BY_SIDES: Final = (
-    "# of a machine that turns, with machine.track_width_m, so that curves are left out:",
+    "# for a machine that turns, with machine.track_width_m, so that curves are excluded:",
     "# [channels.yaw_rate_rad_s]",
     f'# derive = "{YAW_RATE_BY_SPEEDS}"',
     "",
@@ -241,7 +241,7 @@ def format_profile_comment(profile: FieldProfile) -> str:
 def _format_wheel_unit_comment(guess: ChannelGuess) -> str:
     """Comment on the scale of a JointState's velocity in rad/s; empty for other fields."""
     is_speed = guess.field.startswith("velocity[") and guess.column.endswith("_m_s")
-    return '; where it is in rad/s, scale = "wheel_radius_m"' if is_speed else ""
+    return '; if it is in rad/s, set scale = "wheel_radius_m"' if is_speed else ""
 
 
 def _recognise_fields(log: Log, topics: pl.DataFrame) -> Recognition:

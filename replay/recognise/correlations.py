@@ -17,7 +17,7 @@ from replay.recognise.recognise_limits import LIMITS
 _AXES: Final = frozenset({"x", "y", "z"})
 _SIGN: Final = (
     "which direction of {} is positive: it correlates negatively with the change of speed ({:.2f});"
-    " if it is inverted, scale = -1"
+    " if it is inverted, set scale = -1"
 )
 
 _APART: Final = (
@@ -25,23 +25,23 @@ _APART: Final = (
 )
 _UNITS_APART: Final = (
     "the units of the time, '{0}' and '{1}': the change of '{1}' is {2:.3g} times '{0}'; if the "
-    "time is wrong, [log] time_unit or rate_hz"
+    "time is wrong, correct [log] time_unit or rate_hz"
 )
 _MIRRORED: Final = (
     "which direction of '{0}' and '{1}' is positive: they correlate negatively ({2:.2f}); if one "
-    "is mounted mirrored, scale = -1 for it and its torque"
+    "is mounted mirrored, set scale = -1 for it and its torque"
 )
 _AGAINST_PLACE: Final = (
     "which direction of '{0}' is positive: it correlates negatively with the change of '{1}' "
-    "({2:.2f}); if it is inverted, scale = -1"
+    "({2:.2f}); if it is inverted, set scale = -1"
 )
 _WITHOUT_SIGN: Final = (
     "in which direction '{0}' acts: it is never negative, and as large while the machine brakes; "
-    "another column may have its sign: where(braking_1 > 0.5, -x, x)"
+    "another column may give its sign, as in where(braking_1 > 0.5, -x, x)"
 )
 _WRAPPED: Final = (
     "which numbers of '{0}' are negative: it jumps by 2^{1}; if those of the upper half are, "
-    "where(x > {2}, x - {3}, x)"
+    "use where(x > {2}, x - {3}, x)"
 )
 #: Channels of the speed of a side, in m/s or as revolutions, with {} for the side.
 _OF_SIDES: Final = (

@@ -15,8 +15,8 @@ from replay.recognise.recognise_limits import LIMITS
 
 GEAR_QUESTION: Final = "the gear ratio between motor and wheel: GEAR in channels.{}.derive"
 _GEAR_RATIOS: Final = (
-    "which ratio each gear of '{0}' has: engine or turbine add to the mass with its square; with "
-    "'{0}' as channels.gear_1, channels.gear_ratio_1 is "
+    "which ratio each gear of '{0}' has: the mass that engine or turbine add goes with its square; "
+    "with '{0}' as channels.gear_1, set in channels.gear_ratio_1 "
     'derive = "where(gear_1 > 1.5, RATIO_2, RATIO_1)"'
 )
 RADIUS_QUESTION: Final = "machine.wheel_radius_m"

@@ -20,8 +20,8 @@ _BARS: Final = "▁▂▃▄▅▆▇█"
 #: Fields of headers, which are not readings.
 _NO_READINGS: Final = ("header.stamp", "header.seq", "header.frame_id")
 _EFFORT_UNIT: Final = (
-    "is effort a torque in N·m, or a motor current in A? where it is a current, scale = the torque "
-    "at the wheel per ampere"
+    "is effort a torque in N·m, or a motor current in A? if it is a current, set scale to the "
+    "torque at the wheel per ampere"
 )
 
 

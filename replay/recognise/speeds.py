@@ -111,8 +111,8 @@ def add_question_on_unsigned_speed(columns: Sequence[LogColumn], recognition: Re
     if wheels and any(word in speed.lower() for word in _SATELLITES):
         recognition.add_question_of_subject(
             "column",
-            f"whether '{speed}' is negative in reverse, and on time; the wheels' speed is: "
-            f"channels.speed_x_m_s of '{wheels[0].source_text}', scale = \"wheel_radius_m\"",
+            f"whether '{speed}' is negative in reverse, and not late; the wheels' speed is both: "
+            f"set channels.speed_x_m_s to '{wheels[0].source_text}', scale = \"wheel_radius_m\"",
         )
 
 
@@ -165,7 +165,7 @@ def propose_speed_from_motor(columns: Sequence[LogColumn], recognition: Recognit
     elif turns.field.lower() == "rpm":
         recognition.add_question_of_subject(
             "gear",
-            f"whether '{turns.source_text}' counts electrical turns (VESC): / POLE_PAIRS",
+            f"whether '{turns.source_text}' counts electrical turns (VESC); if so, / POLE_PAIRS",
         )
     recognition.add_question_of_subject("radius", RADIUS_QUESTION)
     return True
