@@ -81,7 +81,7 @@ def read_authority_certificates(path: Path) -> "tuple[Certificate, ...]":
         return tuple(load_pem_x509_certificates(data))
     except ValueError:
         raise EvidenceError(
-            f"{path}: holds no certificate in PEM; give the certificate of the authority"
+            f"{path}: holds no PEM certificate; give that of the time-stamp authority"
         ) from None
 
 

@@ -23,10 +23,10 @@ _FORCE = make_line_view("Force", "excitation", force_x_N="driving force")
 _ACCELERATION = make_line_view(
     "Acceleration",
     "excitation",
-    regressor_acc_x_m_s2="multiplies the mass",
+    regressor_acc_x_m_s2="regressor of the mass",
     specific_force_x_m_s2="accelerometer",
     acc_x_m_s2="kinematic",
-    speed_rate_x_m_s2="determines the phase",
+    speed_rate_x_m_s2="rate of the speed",
 )
 _SPEED = make_line_view("Speed", "excitation", speed_x_m_s="speed")
 _YAW_TORQUE = make_line_view("Yaw torque", "excitation", torque_z_N_m="yaw torque")

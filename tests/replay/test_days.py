@@ -311,7 +311,7 @@ def test_a_certificate_that_is_none_is_refused_in_one_line(
     pytest.importorskip("rfc3161_client")
     (tmp_path / "ca.pem").write_text("nothing")
     join_to_one_line(
-        payscope("verify", made.bundle, "--tsa", tmp_path / "ca.pem"), "no certificate in PEM"
+        payscope("verify", made.bundle, "--tsa", tmp_path / "ca.pem"), "no PEM certificate"
     )
     with pytest.raises(EvidenceError, match="cannot be read"):
         verify_bundle(made.bundle, authority_certificates=tmp_path / "none.pem")
