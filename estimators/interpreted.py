@@ -47,7 +47,7 @@ _COMPILED, _WITHOUT_REFCOUNTS, _INLINED = (
 
 
 def is_numba_imported() -> bool:
-    """Whether this process has imported numba, like every replay, so that its start-up is paid."""
+    """Whether this process has already paid for importing numba, as every replay has to."""
     return "numba" in sys.modules
 
 

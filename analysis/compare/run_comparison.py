@@ -255,7 +255,7 @@ def _format_time_span_of_row(spanned_row: Mapping[str, Any], offset_ns: int) -> 
 def select_differing_estimates(
     pairs: Iterable[tuple[str, Mapping[str, Any], Mapping[str, Any]]], relative_tolerance: float
 ) -> tuple[EstimateChange, ...]:
-    """Estimates that differ: those that only one run has first, then by size of the change."""
+    """Estimates that differ: first those that only one run has, then by size of the change."""
     changes = [
         EstimateChange(about, name, a.get(name), a.get(std), b.get(name), b.get(std))
         for about, a, b in pairs

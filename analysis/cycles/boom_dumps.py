@@ -127,7 +127,7 @@ def find_boom_dumps(
 
 
 def mark_standing_or_creeping_samples(excitation: pl.DataFrame) -> Bools:
-    """Samples at which the machine stands or creeps, (n,)."""
+    """Whether the machine stands or creeps at each sample, (n,)."""
     stands = mark_standing_samples(excitation)
     speed = np.abs(get_column_values(excitation, "speed_x_m_s"))
     moving = speed[np.isfinite(speed) & ~stands]
@@ -140,7 +140,7 @@ def mark_standing_or_creeping_samples(excitation: pl.DataFrame) -> Bools:
 
 
 def mark_standing_samples(excitation: pl.DataFrame) -> Bools:
-    """Samples at which the machine stands, (n,)."""
+    """Whether the machine stands at each sample, (n,)."""
     return (excitation["phase"] == "standstill").fill_null(value=False).to_numpy()
 
 

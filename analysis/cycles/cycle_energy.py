@@ -56,7 +56,7 @@ class EnergyAmount(NamedTuple):
 
 
 class EnergyRow(NamedTuple):
-    """Energies of a phase, a cycle or the shift.
+    """Energies of a phase, a cycle or the shift, in kWh with their uncertainty.
 
     Attributes:
         cycle: number of the cycle; None for the whole shift.

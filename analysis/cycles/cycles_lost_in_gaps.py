@@ -46,7 +46,7 @@ def find_spans_of_missing_channels_ns(
 def mark_gaps_that_may_be_work_breaks(
     gaps: list[tuple[int, int]], excitation: pl.DataFrame
 ) -> list[bool]:
-    """For each gap, whether the machine stands before and after it, and for long on one side."""
+    """For each gap, whether the machine stands on both sides, and for a long time on one."""
     known = excitation.drop_nulls("phase")
     t_ns, moves = known["t_ns"].to_numpy(), ~mark_standing_samples(known)
     moving_ns = t_ns[moves]

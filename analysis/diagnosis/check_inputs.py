@@ -178,9 +178,10 @@ class AxisMotion:
         return fit_quality.fit_ungated(self.A, self.f, self.moving)
 
     def compute_explained_variance_fraction(self, settings: Settings) -> float:
-        """Fraction of the force's variance that the model explains, of means if of samples too low.
+        """Fraction of the force's variance that the model explains.
 
-        The noise of a derivative may hide in each sample what means over a second explain.
+        If that of the samples is below the limit, the larger one of samples and of means over
+        a second: the noise of a derivative may dominate single samples.
         """
         own = self.ungated_fit.r_squared
         if not own < settings.verdict.r_squared_min:
@@ -226,7 +227,7 @@ class CheckInputs:
         return set(columns) <= set(self.excitation.columns)
 
     def mark_samples_in_phases(self, *phases: str) -> Bools:
-        """Samples in one of the named phases, (n,)."""
+        """Whether each sample is in one of the named phases, (n,)."""
         return self.excitation["phase"].is_in(phases).fill_null(False).to_numpy()
 
     @cached_property

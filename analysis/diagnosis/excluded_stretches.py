@@ -148,7 +148,7 @@ def compute_mass_change_over_uncertainty(
 def mark_grid_rows_in_spans(
     spans_by_channel: Mapping[str, Spans], unix_ns: np.ndarray, machine: Machine
 ) -> Bools:
-    """Grid rows that a stretch of any channel overlaps, (n,)."""
+    """Whether a stretch of any channel overlaps each grid row, (n,)."""
     reach_ns = int(LIMITS.smeared_periods / machine.settings.filter.cutoff_hz * 1e9)
     held = np.zeros(unix_ns.size, np.bool_)
     for start, end in (span for each in spans_by_channel.values() for span in each):

@@ -78,8 +78,8 @@ class RawSignals:
     def fraction_by_clipping_level_of_channel(self) -> dict[str, dict[float, float]]:
         """Limits of each force channel, and the fraction of its readings at each.
 
-        Readings that accumulate at an extreme, or return to one value for long, indicate a clipping
-        sensor or an engine at its maximum.
+        Readings that accumulate at an extreme, or return to one value for a long time, indicate a
+        clipping sensor or an engine at its maximum.
         """
         found = {
             name: {
@@ -266,7 +266,7 @@ def does_signal_stay_within_resolution(readings: Floats, first_row: int, last_ro
 
 
 def find_zero_speed_spans(unix_ns: Ints, speed: Floats) -> Spans:
-    """Spans in ns in which a speed reads 0 for long, reached and left gradually."""
+    """Long spans, in ns, in which a speed reads 0 after falling and before rising gradually."""
     first, last = find_runs_of_equal_readings(speed)
     before, after = (
         np.abs(speed[np.maximum(first - 1, 0)]),

@@ -101,7 +101,7 @@ def find_pitch_correction(inputs: FindingInputs) -> PitchCorrection | None:
 
 
 def fit_pitch_correction(inputs: FindingInputs) -> PitchCorrection | None:
-    """Compute the result of `find_pitch_correction`, which caches it."""
+    """Fit the pitch correction; `find_pitch_correction` caches it and says when it is None."""
     blocks = average_wheels_and_imu_while_driving(inputs)
     if blocks is None or not inputs.select_measured_channels(_PITCH):
         return None

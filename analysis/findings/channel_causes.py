@@ -107,7 +107,7 @@ def does_exclusion_keep_answer(
 
 
 def find_noiseless_stretches_ns(inputs: FindingInputs, channel: str) -> list[tuple[int, int]]:
-    """Start and end, in Unix ns, of long repeats in motion of a channel that else never repeats."""
+    """Start and end, in Unix ns, of long repeats in motion of a channel with none elsewhere."""
     signals = inputs.check_inputs.signals
     if signals is None:
         return []

@@ -271,7 +271,7 @@ def list_force_source_channels(inputs: FindingInputs) -> tuple[str, ...]:
 
 
 def find_accelerometer_filter_delay(inputs: FindingInputs) -> list[Symptom]:
-    """Find an accelerometer that is delayed by a filter in addition to its stamps."""
+    """Find an accelerometer that a filter delays, beyond a delay of its stamps."""
     found = rank_causes_by_likelihood(inputs).get("delay:imu")
     if found is None or not is_likelier_accelerometer_filter(found):
         return []

@@ -239,7 +239,7 @@ def drop_repeated_findings(
     Args:
         findings: findings of the whole log.
         masking_findings: the masking causes that were corrected, a row each.
-        unmasked_findings: findings of the second search, once they are corrected.
+        unmasked_findings: findings of the second search, with those causes corrected.
     """
     explained = [
         key

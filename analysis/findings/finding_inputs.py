@@ -101,7 +101,7 @@ class FindingInputs:
 
     @cached_property
     def is_standing_sample(self) -> Bools:
-        """Grid samples at standstill, (n,)."""
+        """Whether each grid sample is at standstill, (n,)."""
         return self.check_inputs.mark_samples_in_phases("standstill")
 
     @cached_property

@@ -62,7 +62,7 @@ class FittedCause:
 
 
 def rank_causes_by_likelihood(inputs: FindingInputs) -> Mapping[str, FittedCause]:
-    """Rank the causes by their gain in likelihood, those that were selected first; by name."""
+    """Causes by name, the selected ones first, then by their gain in likelihood."""
     if "selected_causes" not in inputs.cache:
         inputs.cache["selected_causes"] = _select_causes_stepwise(inputs)
     return inputs.cache["selected_causes"]  # type: ignore[return-value]

@@ -27,7 +27,7 @@ MotionCorrection = Callable[[MotionSamples], MotionSamples]
 def compute_mass_change_by_refit_without_samples(
     inputs: FindingInputs, excluded_rows: Bools
 ) -> MassChange | None:
-    """Change of the mass without some samples; u allows for other starts in a replay.
+    """Change of the mass without some samples; its u allows for a replay with other starts.
 
     Args:
         inputs: the log.

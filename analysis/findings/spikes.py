@@ -128,7 +128,7 @@ def mark_stamps_of_jolts(inputs: FindingInputs, channel: str, unix_ns: Ints, sig
 
 
 def estimate_robust_std_of_blocks(readings: Floats) -> Floats:
-    """Robust standard deviation of the block around each sample, (n,); at least that of all."""
+    """Robust std of the block around each sample, (n,), but at least that of all samples."""
     size = readings.size // LIMITS.spike_block_readings * LIMITS.spike_block_readings
     blocks = STD_OF_MAD * np.median(
         np.abs(readings[:size]).reshape(-1, LIMITS.spike_block_readings), axis=1
@@ -141,7 +141,7 @@ def estimate_robust_std_of_blocks(readings: Floats) -> Floats:
 
 
 def mark_samples_near_stamps(inputs: FindingInputs, stamps_unix_ns: Ints) -> Bools:
-    """Grid samples next to the given stamps, (n,)."""
+    """Whether each grid sample is next to one of the given stamps, (n,)."""
     t = inputs.aligned["t_ns"].to_numpy() + inputs.check_inputs.t0_unix_ns
     at = np.zeros(t.size, np.bool_)
     at[np.clip(np.searchsorted(t, stamps_unix_ns), 0, t.size - 1)] = True
@@ -149,7 +149,7 @@ def mark_samples_near_stamps(inputs: FindingInputs, stamps_unix_ns: Ints) -> Boo
 
 
 def mark_samples_near_spikes(inputs: FindingInputs) -> Bools:
-    """Grid samples next to a spike of any channel, (n,)."""
+    """Whether each grid sample is next to a spike of any channel, (n,)."""
     near = np.zeros(inputs.aligned.height, np.bool_)
     for each in get_spikes_by_channel(inputs).values():
         near |= each.near

@@ -97,7 +97,7 @@ def does_machine_drive_in_reverse(straight: AxisMotion) -> bool:
 
 
 def is_force_positive_in_reverse(straight: AxisMotion) -> bool:
-    """Whether the force in reverse is far above zero, and so is not that of rolling."""
+    """Whether the force in reverse is far above zero, so that it is more than rolling friction."""
     reverses = straight.complete & (straight.speed_or_yaw_rate < -LIMITS.reverse_speed_m_s)
     largest_N, reversing_N = (
         np.quantile(straight.f[each], 0.99) for each in (straight.complete, reverses)

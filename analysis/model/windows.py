@@ -14,7 +14,7 @@ def flag_windows_with_flagged_rows(is_flagged: Bools, window: int) -> Bools:
 
 
 def flag_rows_near_flagged_rows(is_flagged: Bools, after: int, before: int | None = None) -> Bools:
-    """Rows near a flagged one, (rows,).
+    """Whether each row is near a flagged one, (rows,).
 
     Args:
         is_flagged: (rows,) flags.

@@ -458,7 +458,7 @@ def find_route_positions_and_length_m(
 
 
 def find_fitted_samples_with_advanced_force(motion: MotionSamples, force_delay_s: float) -> Ints:
-    """Indices of the fitted samples, without the first of each stretch within the force's delay."""
+    """Indices of fitted samples, without those within the force's delay of a stretch's start."""
     fitted, lag = motion.is_fittable, math.ceil(abs(force_delay_s) * motion.rate_hz)
     if lag:
         fitted = fitted & (

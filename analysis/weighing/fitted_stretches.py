@@ -54,7 +54,7 @@ def count_standstills_so_far(excitation: pl.DataFrame) -> Ints:
 
 
 def mark_slow_parts_of_drives(speed: Floats, stop_count_of_sample: Ints) -> Bools:
-    """Samples of the slow parts between two fast parts of a drive, (n,).
+    """Flags (n,) of samples in the slow parts between two fast parts of a drive.
 
     A load may change there on the move: under a chute, or while it is dumped. None is marked if
     the machine stops in each of them.
@@ -267,7 +267,7 @@ def read_gear_ratio(aligned: pl.DataFrame) -> Floats | None:
 
 
 def mark_gear_changes(aligned: pl.DataFrame, ratio: Floats | None, rate_hz: float) -> Bools:
-    """Samples in which the gear, of `read_gear_ratio`, changes or may have changed, (rows,)."""
+    """Whether the gear of `read_gear_ratio` changes or may have changed at each sample, (rows,)."""
     changes = np.zeros(aligned.height, np.bool_)
     if ratio is None:
         return changes

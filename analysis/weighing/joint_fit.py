@@ -147,7 +147,7 @@ def select_terms_of_motion(
 def copy_task_with_updated_wheel_comparison(
     inputs: JointFitInputs, task: FitTask, pilot_fit: JointFit
 ) -> FitTask:
-    """Task with the wheels compared again, for the lag and load transfer of a first fit, if any."""
+    """Task whose wheels are compared again if a first fit has a lag or load transfer."""
     known = pilot_fit.previous_estimates
     if not (abs(pilot_fit.force_delay_s) > LIMITS.short_lag_s or known.load_transfer_s2_m):
         return task

@@ -257,7 +257,7 @@ def _refit_with_scatter_estimated_from_states(
 def refit_short_log_with_ground(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, repeatability_kg: float | None
 ) -> JointFit:
-    """Refit with the ground a log of several loads that were searched without it.
+    """Refit a log of several loads with the ground, if they were searched without it.
 
     The partition stays, with its alternative, whose differences are those without the ground. A fit
     that fails with the ground stays as it is.

@@ -42,7 +42,7 @@ class AlternativeMotion:
     def mass_shift_over_uncertainty(self) -> float:
         """Change of the mass in standard uncertainties; infinite if the refit has no mass.
 
-        0 if the force refutes the other sensor, whose mass then tells nothing of the answer.
+        0 if the force refutes the other sensor, whose mass then does not bear on the answer.
         """
         if self.is_refuted_by_force:
             return 0.0

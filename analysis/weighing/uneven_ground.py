@@ -45,7 +45,7 @@ class _DrivingDirection:
     sign: float
 
     def make_terms(self) -> list[Nuisance]:
-        """Terms along the way for all loads and by load, after one by load at the start."""
+        """Terms: by load where a start begins, then along the way for all loads and by load."""
         places = list(pairwise(LIMITS.loading_places_m))
         found = [
             self._make_loaded_minus_empty_term(

@@ -370,6 +370,13 @@ def compute_uncertain_fraction_of_noise(subtracted_noise_fraction: float) -> flo
 def compute_weighted_gram(
     clean: Floats, gram: Floats, variance: float, uncertain_noise: Floats
 ) -> Floats:
-    """G S⁻¹ for S = σ² AᵀA plus an error common to all samples."""
+    """G S⁻¹ (p, p), where S is σ² AᵀA plus an error common to all samples.
+
+    Args:
+        clean: (p, p) G, AᵀA less its noise.
+        gram: (p, p) AᵀA.
+        variance: σ² of a sample.
+        uncertain_noise: (p,) common error of Aᵀf.
+    """
     S = variance * gram + np.outer(uncertain_noise, uncertain_noise)
     return np.linalg.solve(S + LIMITS.ridge_fraction * np.trace(S) * np.eye(len(S)), clean).T

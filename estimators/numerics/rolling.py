@@ -209,7 +209,7 @@ def find_begins_of_block_pairs(window: int, window_ends: Ints) -> Ints:
 def store_sums_of_requested_rows(
     sums: Floats, window_ends: Ints, first_row: int, end_row: int
 ) -> None:
-    """Move the sums of the requested windows, out of those of all windows, to the front."""
+    """Move the sums of the requested windows to the front of `sums` (lanes, windows), in place."""
     if end_row - first_row < window_ends[end_row - 1] - window_ends[first_row] + 1:
         for lane in range(sums.shape[0]):
             kept = sums[lane]

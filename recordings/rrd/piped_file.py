@@ -40,7 +40,7 @@ class PipedFile:
         return self._path.stat().st_size if self._path.exists() else 0
 
     def close_writing_end(self) -> None:
-        """Note that the library has opened the pipe; the file ends when it closes it."""
+        """Close our writing end once the library has its own; the file ends when that is closed."""
         if self._write >= 0:
             os.close(self._write)
             self._write = -1

@@ -22,7 +22,7 @@ class Proposal:
         cause: cause of the finding that proposes it.
         comment: reason, in one line.
         change_kg: change of the mass in kg; None if unknown, or stated with another key.
-        change_u_kg: standard uncertainty of that change in kg; None likewise.
+        change_u_kg: standard uncertainty of that change in kg; None if `change_kg` is.
     """
 
     key: str

@@ -243,7 +243,7 @@ def join_topics(
 
 
 class ExpandedLogs(NamedTuple):
-    """Paths of logs, and whether they were named such that there may be several."""
+    """Paths of logs, and whether the argument may name several: a list, folder or pattern."""
 
     paths: list[Path]
     can_be_several: bool

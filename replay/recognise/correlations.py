@@ -189,7 +189,7 @@ def add_correlations_with_slope_as_remarks(
 ) -> Recognition:
     """Add remarks on correlations of forces and accelerations with the speed's slope.
 
-    The correlation of speeds with the slope of the position is added likewise.
+    The correlation of speeds with the slope of the position is added as well.
     """
     by_name = {each.column: each for each in recognition.channels if each.field}
     speed = by_name.get("speed_x_m_s") or by_name.get("speed_left_m_s") or by_name.get("motor_rpm")

@@ -59,7 +59,7 @@ def view_recording(
     Args:
         recording: the recording.
         from_s: start of the shown stretch, in seconds since the run's start.
-        to_s: end of the shown stretch, likewise.
+        to_s: end of the shown stretch, in seconds since the run's start.
         at_s: time of the cursor.
         screenshot: folder for screenshots; None opens the viewer.
         tab_title: title of the only tab to write; None writes all.
@@ -110,7 +110,7 @@ def plot_recording(
         figure_name: one of `recordings.plots.run_plots.FIGURES`.
         at_s: moment to mark; without a stretch, `AROUND_S` on either side is drawn.
         from_s: start of the stretch, in seconds since the run's start.
-        to_s: end of the stretch, likewise.
+        to_s: end of the stretch, in seconds since the run's start.
         overwrites: whether to replace an existing picture.
 
     Raises:

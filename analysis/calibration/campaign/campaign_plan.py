@@ -278,7 +278,7 @@ class CalibrationCampaign(BaseModel):
         return tuple(found)
 
     def fill_run_conditions_from_campaign(self, run: CampaignRun) -> dict[str, Any]:
-        """Conditions of a run: each its own if given, or else that of all runs."""
+        """Conditions of a run by name: those of the campaign where the run states none."""
         own, common = run.conditions.model_dump(), self.conditions.model_dump()
         return {n: common[n] if own[n] in ("", None) else own[n] for n in own}
 

@@ -127,12 +127,12 @@ def calibrate_mass_differences(
 
 @dataclass(frozen=True)
 class DifferenceGain:
-    """Gain from a difference of masses to that of their estimates.
+    """Gain: difference of two estimates over the difference of the masses.
 
     Attributes:
         slope_1: the gain.
         variance_1: variance of the gain, without errors of learnt means.
-        by_level_1: weight of the gain from the level of the line; the rest is that of its slope.
+        by_level_1: weight of the line's level over its centre in the gain; its slope has the rest.
     """
 
     slope_1: float

@@ -47,7 +47,7 @@ def compute_gentle_brake_force_newtons(
     machine: MachineAndGround,
     stage: DriveStage,
 ) -> float:
-    """Force of unmeasured brakes in N, which an operator adapts to the slope."""
+    """Force in N of unmeasured brakes, larger downhill; `grip`: sign of the motion, 0 at rest."""
     if stage.gentle_m_s2 == 0.0 or grip == 0.0:
         return 0.0
     applied = -math.expm1(-(time_s - stage.gentle_from_s) / machine.lag_s)

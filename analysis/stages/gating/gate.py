@@ -118,7 +118,7 @@ def encode_motion_phases_as_codes(excitation: pl.DataFrame) -> Codes:
 def mark_samples_for_pooling(
     excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings, axis: Axis = X
 ) -> Bools:
-    """Samples to pool, (rows,): inside an accepted window, not standing, not about to brake.
+    """Flags of samples to pool, (rows,): in an accepted window, and not standing or about to brake.
 
     A standing machine is held by its brakes, which wheel torques do not show: on a slope of 1°
     standstill alone would cost 150 kg of 3614. The phase detects braking late by up to its span and
@@ -157,7 +157,7 @@ def reject_windows_with_excluded_rows(
 def mark_settled_windows(
     excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings, axis: Axis = X
 ) -> Bools:
-    """Accepted windows without braking soon after, (rows,), which recursions are fed.
+    """Flags of accepted windows without braking soon after, (rows,), which recursions are fed.
 
     A recursion keeps its last samples: the 0.2 s of braking that the phase detects late would cost
     it 17 kg of 3614. On board its estimate is delayed by that much.
@@ -169,14 +169,14 @@ def mark_settled_windows(
 
 
 def mark_possible_braking(is_braking: Bools, settings: Settings) -> Bools:
-    """Braking samples, and those before them that may brake undetected, (rows,)."""
+    """Flags of braking samples and those before that may brake undetected, (rows,)."""
     return flag_windows_with_flagged_rows(
         is_braking[::-1], count_rows_in_speed_rate_span(settings) + settings.smooth.samples
     )[::-1]
 
 
 def mark_excluded_braking(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:
-    """Braking samples if braking is excluded, (rows,)."""
+    """Flags of the braking samples, (rows,); none if braking is not excluded."""
     if not settings.gate.exclude_braking:
         return np.zeros(excitation.height, np.bool_)
     return mark_deceleration(axis, excitation, settings)

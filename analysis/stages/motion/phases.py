@@ -73,7 +73,7 @@ def compute_sign_of_yaw_rate_change(yaw_rate: Floats, settings: Settings) -> Flo
 def mark_stopping_samples(
     speed: Floats, is_standing: Bools, noise_m_s: float, settings: Settings
 ) -> Bools:
-    """Samples from which the speed only falls until the machine stands, (n,).
+    """Flags (n,) of samples from which the speed only falls until the machine stands.
 
     Unmeasured brakes may stop a machine so gently that it counts as cruising.
 
@@ -100,7 +100,7 @@ def mark_stopping_samples(
 
 
 def mark_samples_held_downhill(excitation: pl.DataFrame, settings: Settings) -> Bools:
-    """Samples of a descent in which the drive is idle, (n,), so that unmeasured brakes may act.
+    """Flags (n,) of samples of a descent with an idle drive, so that unmeasured brakes may act.
 
     Brakes that hold the speed show neither in the speed nor in the force. Rolling freely counts as
     well; the force of either says nothing of the mass.
@@ -126,7 +126,7 @@ def mark_samples_held_downhill(excitation: pl.DataFrame, settings: Settings) -> 
 
 
 def mark_speed_falls_beyond_noise(speed: Floats, noise_m_s: float, settings: Settings) -> Bools:
-    """Samples within a fall of the speed that its noise does not explain, (n,).
+    """Flags (n,) of samples within a fall of the speed that its noise does not explain.
 
     Over a short span noise alone makes a cruise fall as fast as braking. Leaving out such rows cuts
     driving into pieces, and chooses among them by the noise of what is fitted.

@@ -10,7 +10,7 @@ from analysis.model.settings import SmoothSettings
 
 
 def smooth_by_trailing_mean(aligned: pl.DataFrame, settings: SmoothSettings) -> pl.DataFrame:
-    """Replace each sample by the mean of it and the ones before it, `samples` in all.
+    """Replace each sample by a trailing mean: of itself and those before it, `samples` in all.
 
     The mean never reaches across a gap: a row is null until its whole mean is inside one gap-free
     stretch. Every column is averaged equally, the Coulomb sign included, since a column filtered

@@ -337,7 +337,7 @@ def _zero_unresolved_samples(name: str, t_ns: filters.Ints, x: filters.Floats) -
 
 
 def set_values_below_resolution_to_zero(values: filters.Floats) -> filters.Floats:
-    """Values (n,), magnitudes below `smallest_si` set to 0: a filter's output decays for long."""
+    """Values (n,), 0 where below `smallest_si` in magnitude, as a decaying filter output is."""
     return np.where(np.abs(values) < LIMITS.smallest_si, 0.0, values)
 
 

@@ -179,7 +179,11 @@ IntegerAndClass: TypeAlias = tuple[int, int]
 def read_integer_column(
     data: NDArray[np.uint8], offset: int, serial_type: int, size_bytes: int, stop_offset: int
 ) -> IntegerAndClass:
-    """Read an integer column, and classify whether a row with such a value is a message."""
+    """Read the integer of a column, and classify whether its row is a message.
+
+    Returns:
+        The integer, 0 if there is none; and MESSAGE, NO_MESSAGE or UNUSUAL.
+    """
     if serial_type in (_NULL, _FLOAT) or serial_type > _ONE:
         return 0, NO_MESSAGE
     if offset + size_bytes > stop_offset:

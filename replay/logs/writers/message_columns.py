@@ -62,7 +62,7 @@ def assign_list_layout_number_to_messages(column: Column) -> Ints | None:
 def assign_combined_list_layout_numbers(
     shape_numbers_of_columns: Sequence[Ints | None],
 ) -> Ints | None:
-    """Number the combinations of layouts of several columns, (n,); None if all are equal."""
+    """Number each message by its combination of list layouts, (n,); None if all are equal."""
     known = [each for each in shape_numbers_of_columns if each is not None]
     if len(known) < 2:
         return known[0] if known else None
