@@ -55,7 +55,7 @@ RESULTS: Final = Frame(
         make_float_column("payload_kg", "kg", "sum of payloads"),
         make_float_column("payload_u_random_kg", "kg", "its random standard uncertainty"),
         make_float_column("payload_u_common_kg", "kg", "its common standard uncertainty"),
-        make_float_column("payload_u_kg", "kg", "standard uncertainty, both"),
+        make_float_column("payload_u_kg", "kg", "standard uncertainty, random and common"),
         Column("scale_from", pl.String, "1", "what determines the scale of payloads"),
         Column(
             "scale_unknown",

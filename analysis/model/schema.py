@@ -574,9 +574,11 @@ FRAMES: Final[dict[str, Frame]] = {
                     "payload_u_common_kg", "kg", "the part due to errors common to the whole log"
                 ),
                 make_float_column(
-                    "payload_u_shared_kg", "kg", "part of it that all payloads share, which adds up"
+                    "payload_u_shared_kg",
+                    "kg",
+                    "part of payload_u_common_kg that all payloads share",
                 ),
-                make_float_column("payload_u_kg", "kg", "standard uncertainty, both"),
+                make_float_column("payload_u_kg", "kg", "standard uncertainty, random and common"),
                 make_float_column(
                     "scale_1", "1", "payload over loaded less empty, by the empty machine"
                 ),
@@ -601,7 +603,9 @@ FRAMES: Final[dict[str, Frame]] = {
                     "carry_back_kg", "kg", "next empty pass minus the cleanest empty passes"
                 ),
                 make_float_column(
-                    "carry_back_u_kg", "kg", "its standard uncertainty, mostly of the cleanest ones"
+                    "carry_back_u_kg",
+                    "kg",
+                    "its standard uncertainty, mostly from the cleanest passes",
                 ),
                 Column("quality", QUALITY, "1", "how usable the payload is"),
                 Column("counted", pl.Boolean, "1", "whether it is in the sum of the shift"),
@@ -632,7 +636,7 @@ FRAMES: Final[dict[str, Frame]] = {
                 make_float_column(
                     "payload_u_common_kg", "kg", "its common part: does not average out"
                 ),
-                make_float_column("payload_u_kg", "kg", "standard uncertainty, both"),
+                make_float_column("payload_u_kg", "kg", "standard uncertainty, random and common"),
                 make_float_column("payload_mean_kg", "kg", "mean payload"),
                 make_float_column("payload_std_kg", "kg", "standard deviation of payloads"),
                 make_float_column(
@@ -641,7 +645,9 @@ FRAMES: Final[dict[str, Frame]] = {
                 make_float_column("arriving_u_1", "1", "its standard uncertainty"),
                 make_float_column("carry_back_mean_kg", "kg", "mean carry-back"),
                 make_float_column(
-                    "carry_back_u_kg", "kg", "its standard uncertainty, mostly of the cleanest ones"
+                    "carry_back_u_kg",
+                    "kg",
+                    "its standard uncertainty, mostly from the cleanest passes",
                 ),
                 make_float_column("lost_cycles", "1", "cycles expected where nothing was recorded"),
                 make_float_column("lost_cycles_u", "1", "standard uncertainty of lost_cycles"),
@@ -672,7 +678,12 @@ FRAMES: Final[dict[str, Frame]] = {
                     "kg",
                     "smallest load that one start distinguishes from no load",
                 ),
-                Column("scale_from", pl.String, "1", "what determines the scale, as in cycles"),
+                Column(
+                    "scale_from",
+                    pl.String,
+                    "1",
+                    "what determines the scale, as in the frame cycles",
+                ),
                 Column(
                     "scale_unknown",
                     pl.String,
@@ -717,12 +728,12 @@ FRAMES: Final[dict[str, Frame]] = {
                 make_float_column("alone", "1", "estimate by this log without learnt priors"),
                 make_float_column("alone_std", "1", "standard deviation of alone (in its unit)"),
                 make_float_column(
-                    "alone_prior_mean", "1", "mean of its unlearnt prior (in its unit)"
+                    "alone_prior_mean", "1", "mean of the unlearnt prior behind alone (in its unit)"
                 ),
                 make_float_column(
                     "alone_prior_std",
                     "1",
-                    "standard deviation of its unlearnt prior (in its unit)",
+                    "standard deviation of the unlearnt prior behind alone (in its unit)",
                 ),
             ),
         ),
@@ -844,8 +855,8 @@ FRAMES: Final[dict[str, Frame]] = {
                 make_float_column(
                     "estimate_std_kg", "kg", "standard deviation of one run's estimate"
                 ),
-                make_float_column("alpha_1", "1", "slope of (19)"),
-                make_float_column("beta_kg", "kg", "offset of (19)"),
+                make_float_column("alpha_1", "1", "slope of the calibration line (19)"),
+                make_float_column("beta_kg", "kg", "offset of the calibration line (19)"),
                 make_float_column("calibrated_kg", "kg", "calibrated mean"),
                 make_float_column(
                     "error_kg", "kg", "calibrated less reference, this load in the fit"
