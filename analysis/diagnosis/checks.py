@@ -258,8 +258,8 @@ def make_model_checks(subject: EvidenceSubject, wording: AxisQuantityNames) -> t
             _compute_fraction_braked_with_opposing_torque
             if subject == "inertia"
             else _compute_fraction_braked_with_opposing_force,
-            f"fraction of samples that the drive slows down whose {force} opposes the {moves}; 0: "
-            f"the {force} has no sign",
+            f"fraction of samples braked by the drive in which the {force} opposes the {moves}; "
+            f"0: the {force} has no sign",
             minimum="opposing_share_min",
             optional=True,
             applies=lambda _, motion: bool(motion.braking.any()),
@@ -330,8 +330,8 @@ CHECKS: Final = (
         "empty_mass",
         "mass",
         compute_empty_mass_difference_in_u,
-        "lightest load from the machine's empty mass, likewise; where it may be a payload, "
-        "only the part beyond one",
+        "difference of the lightest load from the machine's empty mass, in standard uncertainties; "
+        "if it may be a payload, only the part beyond one",
         maximum="empty_mass_max_u",
         optional=True,
         subject_text=_describe_ratio_to_empty_mass,
@@ -348,8 +348,8 @@ CHECKS: Final = (
         "spin_centre_m",
         "inertia",
         _estimate_spin_centre_offset_m,
-        "distance of the centre of rotation in spins from the origin, m, by the accelerometer; "
-        "off it, mass leaks into the inertia estimate",
+        "distance in m of the centre of rotation in spins from the origin, by the accelerometer; "
+        "if it is large, mass leaks into the inertia estimate",
         maximum="spin_centre_max_m",
         applies=lambda inputs, _: inputs.has_grid_columns(
             "specific_force_x_m_s2", "specific_force_y_m_s2"
