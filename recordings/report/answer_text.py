@@ -282,7 +282,7 @@ def describe_calibrated_mass(load_row: Mapping[str, Any]) -> str:
     unlike_kg = load_row.get("calibrated_unlike_u_kg") or 0.0
     # a smaller part has hardly any effect on the whole
     tells = unlike_kg > LIMITS.unlike_driving_fraction * load_row["calibrated_u_kg"]
-    more = f"; ± {unlike_kg:,.1f} kg of that for driving unlike the campaign" if tells else ""
+    more = f"; ± {unlike_kg:,.1f} kg of that from driving unlike the campaign's" if tells else ""
     return f"calibrated {mass} kg, {low} to {high} kg{more}"
 
 

@@ -280,7 +280,7 @@ def render_review_html(review_page: ReviewPage) -> str:
         verdict_lines=list_verdict_file_lines(review_page.verdicts),
         verdict_file=VERDICTS,
         calibration=review_page.calibration.description
-        or "none: masses are by the machine file alone",
+        or "none: masses rest on the machine file alone",
         friction=_describe_friction_of_shift(state),
         energy=make_energy_table_by_phase(state),
         energy_phases=[row.phase for row in state.energy.rows if row.cycle is None],

@@ -96,7 +96,7 @@ TimeColumn = Annotated[str | None, typer.Option("--time", help="The time column 
 TimeUnit = Annotated[
     str | None,
     typer.Option(
-        "--time-unit", help="Unit of that column: s, ms, us or ns; recognised by default."
+        "--time-unit", help="Unit of the time column: s, ms, us or ns; recognised by default."
     ),
 ]
 _UNITS = ("s", "ms", "us", "ns")
