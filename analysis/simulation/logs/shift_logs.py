@@ -204,7 +204,7 @@ def subtract_cycle_starts(
 
 
 def _plan_spans_of_logs(scenario: Scenario, shift: SimulatedShift) -> list[LogSpan]:
-    """Spans of the logs, with the fraction torn off damaged ones."""
+    """Spans of the logs, with the fraction that is missing at the end of each; 0 if whole."""
     drawn = make_random_generator(scenario.sensors.seed, 0, 0, "shift_recorder")
     length_s = shift.duration_h * 3600.0 / shift.logs
     spans: list[LogSpan] = []

@@ -45,7 +45,7 @@ class SimulatedLog:
             at its end, and for a start its `direction` and `throttle` (fraction of full throttle).
         timeline: motion without noise, at any time.
         phase_s: time of each topic's first sample since the start of the log.
-        torn_share: fraction of the file that is torn off at its end.
+        torn_share: fraction of the file that is missing at its end.
     """
 
     scenario: Scenario
