@@ -18,9 +18,11 @@ class TaskLimits(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     seconds: float = Field(3600.0, gt=0, description="time in s; a task that takes longer is ended")
-    memory_GiB: float = Field(0.75, gt=0, description="memory that a task declares, and")
+    memory_GiB: float = Field(0.75, gt=0, description="memory in GiB that every task declares")
     memory_per_byte: float = Field(
-        3.0, ge=0, description="bytes of it for each byte of the log; at twice as much it is ended"
+        3.0,
+        ge=0,
+        description="bytes declared in addition per byte of log; a task that uses twice is ended",
     )
 
     def compute_memory_bytes_for_log(self, size_bytes: int) -> int:

@@ -142,7 +142,7 @@ class Rosbag2Directory:
             stored = Path(self._scratch.name, path.stem)
             fault = decompress_file_or_describe_fault(path, stored)
             if fault:
-                what = f"the compressed file is damaged, what comes before is read: {fault}"
+                what = f"the compressed file is damaged; the part before that is read: {fault}"
                 self._losses.add_loss(path, what)
         opener = _STORAGE.get(stored.suffix)
         if opener is None:

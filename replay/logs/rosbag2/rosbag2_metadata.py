@@ -113,7 +113,7 @@ def parse_yaml_text(text: str) -> Any:
 
 
 def _make_metadata_layout_error() -> BrokenBytesError:
-    return BrokenBytesError("it is not laid out as rosbag2 does")
+    return BrokenBytesError("its layout is not that of rosbag2")
 
 
 def _parse_metadata(content: Any, folder: Path) -> Metadata:

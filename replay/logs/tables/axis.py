@@ -371,7 +371,7 @@ def convert_unitless_times_and_list_notes(cells: pl.Series) -> tuple[pl.Series, 
         return convert_times_to_ns(seconds, "s"), ("its times are read as hhmmss.s",)
     unit = guess_time_unit(x, step, span)
     stamps, note = correct_labview_epoch(convert_times_to_ns(cells, unit))
-    taken = f"its times are taken in {unit}, by their spacing"
+    taken = f"its times are read in {unit}, as their spacing suggests"
     return stamps, (taken, note) if note else (taken,)
 
 

@@ -325,7 +325,7 @@ def decide_which_number_is_day(
                 "false"
             )
         if not same:
-            notes.append(f"dates are taken with the {'day' if is_day_first else 'month'} first")
+            notes.append(f"dates are read with the {'day' if is_day_first else 'month'} first")
     day, month = ("one", "two") if is_day_first else ("two", "one")
     year = pl.when(pl.col("y").str.len_chars() == 2).then("20" + pl.col("y"))
     return date_groups.with_columns(

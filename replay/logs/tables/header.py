@@ -101,8 +101,8 @@ def refuse_contradicting_units(cells: Sequence[str], unit_cells: Sequence[str], 
         with suppress(MachineError):
             find_gain_and_offset_to_si(name, row)
             raise DialectError(
-                f"column '{cell}' is in {name} by its name, in {row} by line {line}: set "
-                f"[log] units_row = {line} or, if the name is correct, 0"
+                f"column '{cell}' is in {name} according to its name, in {row} according to line "
+                f"{line}: set [log] units_row = {line} or, if the name is correct, 0"
             )
 
 

@@ -80,8 +80,8 @@ def describe_contradicting_time_column(
             other_s, taken_s
         ):
             return (
-                f"its first {log_times.len()} rows span {taken_s:.3g} s, but {other_s:.3g} s by "
-                f"'{column.name}': set [log] time to the correct column, and time_unit"
+                f"its first {log_times.len()} rows span {taken_s:.3g} s, but {other_s:.3g} s "
+                f"according to '{column.name}': set [log] time to the correct column, and time_unit"
             )
     return None
 

@@ -73,7 +73,7 @@ def test_broken_metadata_is_a_loss_and_the_files_are_read(split: Path, old: str,
     mark_heavy_after(
         1,
         [
-            ("", "it is not laid out as rosbag2 does"),
+            ("", "its layout is not that of rosbag2"),
             ("[" * 20_000, "it is nested too deeply"),
             ("a: b", "the key 'rosbag2_bagfile_information' is missing"),
             ("a: b\nc: [d", "expected ',' or ']', but got '<stream end>' on line 2"),

@@ -93,7 +93,7 @@ def test_a_stated_unit_that_another_clock_contradicts_is_asked_for(
 ) -> None:
     """What is called ms and counts s, or µs, or millionths of a day."""
     cells = [f"{k / 50 / unit_s:.6f},2026-11-13 08:15:{30 + k / 50:06.3f}" for k in range(ROWS)]
-    with pytest.raises(LogError, match=r"span .* by 'TimeString'.*\[log\] time") as asked:
+    with pytest.raises(LogError, match=r"span .* according to 'TimeString'.*\[log\] time") as asked:
         span_of(table(tmp_path, "Time_ms,TimeString,v", cells))
     assert_one_line(asked.value)
 
@@ -149,7 +149,7 @@ def test_a_unit_that_name_and_row_state_differently_is_asked(tmp_path: Path) -> 
     rows = "".join(f"{k / 50};{k}\n" for k in range(99))
     path.write_text(f"time_s;speed_kmh\ns;m/s\n{rows}")
     with pytest.raises(
-        LogError, match=r"in km/h by its name, in m/s by line 2: set \[log\]"
+        LogError, match=r"in km/h according to its name, in m/s according to line 2: set \[log\]"
     ) as asked:
         open_log(path)
     assert_one_line(asked.value)
