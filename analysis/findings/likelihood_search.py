@@ -25,6 +25,7 @@ from analysis.findings.whitened_rows import (
 )
 from analysis.weighing.friction_warming import WARMING
 from analysis.weighing.motion_samples import MotionSamples
+from analysis.weighing.swinging_mass import subtract_swing_force
 
 #: Rows of the force equation, and of the wheel equation or None.
 Equations = tuple[EquationRows, EquationRows | None]
@@ -72,7 +73,7 @@ def _select_causes_stepwise(inputs: FindingInputs) -> dict[str, FittedCause]:
     fit, noise = inputs.fit_without_learnt_priors, inputs.column_noise
     if fit is None or noise is None or explain_constant_force(inputs).motion is None:
         return {}
-    motion = explain_constant_force(inputs).motion or fit.motion
+    motion = subtract_swing_force(explain_constant_force(inputs).motion or fit.motion, fit)
     near = mark_samples_near_spikes(inputs)
     if near.any():  # a spike is no motion, whatever it looks like
         motion = exclude_and_renumber_short_stretches(motion.exclude_samples(near))

@@ -14,7 +14,9 @@ from analysis.findings.finding_limits import LIMITS
 from analysis.model.schema import get_column_values
 from analysis.stages.motion.forces import compute_longitudinal_force, compute_regressor_acceleration
 from analysis.weighing.force_hysteresis import HYSTERESIS
+from analysis.weighing.joint_result import JointFit
 from analysis.weighing.missing_terms import ELASTICITY, WARMING
+from analysis.weighing.swinging_mass import SWINGING_MASS, SwingingMass
 from estimators.arrays import Bools, Floats
 
 
@@ -119,6 +121,9 @@ def _median_power_in_band(hz: Floats, spectrum: Floats, low_hz: float, high_hz: 
 def find_resonance_of_residual(inputs: FindingInputs) -> list[Symptom]:
     """Find a mass on a spring, or a peak in the ratio of spectra in motion and at standstill."""
     fit = inputs.fit_without_learnt_priors
+    weighing = inputs.check_inputs.weighing
+    if fit is not None and weighing is not None and weighing.swinging_mass is not None:
+        return [_report_swinging_mass(weighing.swinging_mass, fit)]
     springs = [each for each in inputs.reportable_missing_terms if each.term is ELASTICITY]
     if fit is not None and springs:
         (spring,) = springs
@@ -154,6 +159,18 @@ def find_resonance_of_residual(inputs: FindingInputs) -> list[Symptom]:
             "times the amplitude of its noise",
         )
     ]
+
+
+def _report_swinging_mass(swinging_mass: SwingingMass, fit: JointFit) -> Symptom:
+    """Report a mass that swings relative to the machine, which the fit models."""
+    common = SWINGING_MASS[0].name
+    mass_kg, t = fit.estimate_of_term(common), fit.abs_t_by_term[common]
+    return Symptom(
+        t / LIMITS.named_term_min_std,
+        f"a mass of about {float(f'{mass_kg:.2g}'):,.0f} kg swings relative to the machine at "
+        f"{swinging_mass.frequency_hz:.2f} Hz, like a hanging load, a liquid, a mast or a coupled "
+        "wagon; the fit models it",
+    )
 
 
 def find_residual_noise_growth_in_motion(inputs: FindingInputs) -> list[Symptom]:

@@ -1,5 +1,7 @@
 """The priors of the joint fit's nuisances, and the priors learnt by a calibration."""
 
+import math
+from collections.abc import Collection
 from typing import Literal, Self
 
 from pydantic import BaseModel, Field
@@ -174,6 +176,20 @@ class PriorSettings(BaseModel):
     def copy_without_learnt(self) -> Self:
         """The same, without the priors that a calibration learnt."""
         return self.model_copy(update={"learnt": {}})
+
+    def copy_widened_by_learnt_mean_u(self, unchanged_terms: Collection[str]) -> Self:
+        """The same, with learnt priors widened by the uncertainty of their means.
+
+        Args:
+            unchanged_terms: names of terms that stay as they are.
+        """
+        learnt = {
+            name: term
+            if name in unchanged_terms
+            else LearntTerm(mean=term.mean, std=math.hypot(term.std, term.mean_u), mean_u=0.0)
+            for name, term in self.learnt.items()
+        }
+        return self.model_copy(update={"learnt": learnt})
 
     def copy_with_multiplied_stds(self, factor: float) -> Self:
         """The same, with all standard deviations multiplied by a factor."""

@@ -38,6 +38,8 @@ class ColumnInputs:
             proportional to the weight.
         force_rate_parabola: index of the parabola that gave each `force_rate`; None if values
             within the noise are set to 0.
+        swing_m_s2: (n, 2) acceleration of a swinging mass relative to the machine, and its product
+            by the relative load; None without one.
     """
 
     acceleration: Floats
@@ -63,6 +65,7 @@ class ColumnInputs:
     rises_by_force_1_N: float
     weight_shares: tuple[float, float]
     force_rate_parabola: Ints | None
+    swing_m_s2: Floats | None = None
 
     @property
     def ground_speed_m_s(self) -> Floats:

@@ -431,6 +431,7 @@ def make_columns_of_piece(
         0.0 if previous_estimates.play is None else previous_estimates.play.by_force_1_N,
         (0.0, 0.0) if loads is None else loads.weight_shares,
         parabola,
+        motion.swing_m_s2,
     ).select_rows(fitted_samples)
     A = np.empty((2 + len(terms), fitted_samples.size))
     A[0], A[1] = raw.acceleration, raw.speed

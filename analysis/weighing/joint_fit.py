@@ -25,6 +25,7 @@ from analysis.weighing.low_gears import LOW_GEARS
 from analysis.weighing.motion_samples import CachedNoise, ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.nuisances import NUISANCES, Nuisance
 from analysis.weighing.slip_by_load import SLIP_BY_LOAD
+from analysis.weighing.swinging_mass import SWINGING_MASS
 from analysis.weighing.uneven_ground import GROUND, does_load_search_include_ground
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_comparison import (
@@ -139,7 +140,7 @@ def select_terms_of_motion(
     ground = GROUND if has_ground else ()
     return tuple(
         term
-        for term in (*NUISANCES, SLIP_BY_LOAD, *PLACE, *LOW_GEARS, *ground)
+        for term in (*NUISANCES, SLIP_BY_LOAD, *PLACE, *LOW_GEARS, *SWINGING_MASS, *ground)
         if (has_several_loads or not term.by_load) and term.applies(motion)
     )
 

@@ -158,6 +158,12 @@ _PARTS: Final = {
         "log shows it",
         "the motion of the mass itself, by an accelerometer or encoder on it; starts without jerks",
     ),
+    "swinging_mass": _FitPart(
+        "common",
+        "a mass that swings relative to the machine, such as a hanging load, a liquid or a mast: "
+        "the log determines how heavy it is",
+        "starts without jerks; pauses until nothing swings",
+    ),
     "growth": _FitPart(
         "common",
         "a residual that grows evenly over every start, as if the load grew: a force that is late, "

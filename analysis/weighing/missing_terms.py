@@ -129,7 +129,8 @@ def list_scaled_terms_absent_from_model(fit: JointFit) -> tuple[Nuisance, ...]:
     force (strokes over one short path) it is the only one, since a spring looks like a gain there.
     """
     # an accelerometer sits on the mass itself, and its filter would have the same column
-    elastic = () if fit.motion.by_accelerometer else (ELASTICITY,)
+    is_modelled = fit.motion.by_accelerometer or fit.motion.swing_m_s2 is not None
+    elastic = () if is_modelled else (ELASTICITY,)
     if any(term.source == BY_PLACE for term in fit.terms):
         # strokes over one path have the same speed at each place, so a spring looks like a gain
         return elastic

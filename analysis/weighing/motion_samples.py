@@ -107,6 +107,8 @@ class MotionSamples:
         wheel_radius_u_1: relative standard uncertainty of the wheel radius; None if not stated.
         relative_gear_ratio: gear ratio over the largest of the fitted samples; None without one.
         has_single_load: whether the machine is known to carry one load throughout.
+        swing_m_s2: (n, 2) acceleration of a swinging mass relative to the machine, and its product
+            by the relative load; None without one.
     """
 
     acceleration: Floats
@@ -134,6 +136,7 @@ class MotionSamples:
     wheel_radius_u_1: float | None = None
     relative_gear_ratio: Floats | None = None
     has_single_load: bool = False
+    swing_m_s2: Floats | None = None
 
     def cut_to_first_stretches(self, stretch_count: int) -> "MotionSamples":
         """Cut the samples to the first stretches."""

@@ -74,6 +74,7 @@ from analysis.weighing.other_motion import (
     refit_with_acceleration_of_other_sensor,
 )
 from analysis.weighing.record_places import align_paths_of_bench_records
+from analysis.weighing.swinging_mass import SwingingMass, find_swinging_mass
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import TERMS
 from estimators.threads import return_freed_memory_to_os
@@ -108,6 +109,7 @@ class Weighing:
         fit_with_wide_learnt_priors: the fit with learnt priors widened by the uncertainty of their
             means; None if no prior was learnt.
         learnt: priors learnt by a calibration.
+        swinging_mass: mass that swings relative to the machine, if the log shows one.
     """
 
     fit: JointFit
@@ -125,6 +127,7 @@ class Weighing:
     fit_without_learnt_priors_or_none: JointFit | None = None
     fit_with_wide_learnt_priors: JointFit | None = None
     learnt: Mapping[str, LearntTerm] = field(default_factory=dict[str, LearntTerm])
+    swinging_mass: SwingingMass | None = None
 
     @property
     def has_corrected_learnt_means(self) -> bool:
@@ -140,11 +143,7 @@ class Weighing:
     @property
     def fit_without_learnt_priors(self) -> JointFit:
         """The fit of this log alone, without priors learnt by a calibration."""
-        return (
-            self.fit
-            if self.fit_without_learnt_priors_or_none is None
-            else self.fit_without_learnt_priors_or_none
-        )
+        return self.fit_without_learnt_priors_or_none or self.fit
 
     @property
     def viscous_friction_t_value(self) -> float:
@@ -200,7 +199,7 @@ def weigh(
     if priors.learnt and priors.learnt_means == "told":
         # wrong means spoil a log of several loads, which determines them better itself
         found = _weigh_with_priors(
-            aligned, excitation, gated, noise, machine, widen_learnt_priors_by_mean_u(priors)
+            aligned, excitation, gated, noise, machine, priors.copy_widened_by_learnt_mean_u(TERMS)
         )
         if found is not None and found.fit.mass_count > 1:
             return replace(found, fit_with_wide_learnt_priors=found.fit, learnt={**priors.learnt})
@@ -212,6 +211,7 @@ class _MotionSource:
     """Frames of a log, of which the motion that is fitted is selected.
 
     `stops` (n,) counts earlier stops; `slow` (n,) flags where a load may change on the move, if so.
+    `swinging_mass` is a mass that swings relative to the machine, if the log shows one.
     """
 
     aligned: pl.DataFrame
@@ -221,12 +221,15 @@ class _MotionSource:
     noise: ColumnNoiseModel
     stops: Ints
     slow: Bools | None = None
+    swinging_mass: SwingingMass | None = None
 
     def select_motion(self, *, includes_braking: bool) -> MotionSamples:
         """Motion with or without braking, where braking counts as driving."""
         data = self.aligned, self.excitation, self.gated, self.machine, self.noise
         stops = self.stops if self.slow is None else self.stops + count_runs_so_far(self.slow)
         found = collect_motion_samples(*data, stops, includes_braking=includes_braking)
+        if self.swinging_mass is not None:
+            found = self.swinging_mass.add_swing_to_motion(found)
         return align_paths_of_bench_records(
             found if self.slow is None else found.exclude_samples(self.slow)
         )
@@ -336,9 +339,13 @@ def _weigh_with_priors(
         None
         if alone is None
         else refit_with_extra_terms(
-            fit, columns, widen_learnt_priors_by_mean_u(priors), rounds=LIMITS.learnt_mean_rounds
+            fit,
+            columns,
+            priors.copy_widened_by_learnt_mean_u(TERMS),
+            rounds=LIMITS.learnt_mean_rounds,
         ),
         {**priors.learnt},
+        source.swinging_mass,
     )
 
 
@@ -349,6 +356,9 @@ def _fit_and_choose_where_loads_change(
     whole = source.select_motion(includes_braking=True)
     if not _has_enough_samples(whole):
         return None
+    if (swinging_mass := find_swinging_mass(whole)) is not None:
+        source = replace(source, swinging_mass=swinging_mass)
+        whole = swinging_mass.add_swing_to_motion(whole)
     fit = fit_load_states(whole)
     is_one = fit.mass_count == 1 and not whole.has_single_load
     if is_one and (slow := mark_slow_parts_of_drives(whole.speed, source.stops)).any():
@@ -387,14 +397,3 @@ def refit_without_learnt_priors(
         else replace(fit, kinematics=wheels.estimates_of_this_log)
     )
     return refit_with_extra_terms(own, noise, priors.copy_without_learnt())
-
-
-def widen_learnt_priors_by_mean_u(priors: PriorSettings) -> PriorSettings:
-    """Widen learnt priors by the uncertainty of their means, except those of the wheels."""
-    learnt = {
-        name: term
-        if name in TERMS
-        else LearntTerm(mean=term.mean, std=float(np.hypot(term.std, term.mean_u)), mean_u=0.0)
-        for name, term in priors.learnt.items()
-    }
-    return priors.model_copy(update={"learnt": learnt})

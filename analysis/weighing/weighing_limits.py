@@ -166,6 +166,47 @@ class WeighingLimits:
     #: Standard uncertainty of what it moves, over itself: loops are no parallelograms.
     hysteresis_shape_u_1: float = 0.2
 
+    # swinging_mass
+    #: Prior standard deviation of the swinging mass over the machine's: a full tanker has 0.4.
+    swinging_mass_prior_share: float = 0.5
+    #: Frequencies in Hz that are searched, a tenth apart: from 15 m of rope to a coupling,
+    #: the damping ratio with which they are (a swing that decays sooner looks like a delay),
+    #: and the range of that of a mass that swings.
+    swing_frequencies_hz: tuple[float, ...] = tuple(0.13 * 1.1**k for k in range(40))
+    swing_damping_1: float = 0.04
+    swing_damping_range_1: tuple[float, float] = (0.003, 0.18)
+    #: Range of the relative growth of the mass on a spring over that of the machine: a load of 1 t
+    #: on a mast of 1.5 t had 3.
+    swinging_mass_growth_range_1: tuple[float, float] = (-2.0, 10.0)
+    #: Least and largest ratio of that mass to its mean.
+    swinging_mass_ratios: tuple[float, float] = (0.25, 4.0)
+    #: Usual steps of the logarithms of frequency and damping, and of the growth,
+    swing_refining_steps: tuple[float, float, float] = (0.05, 0.3, 0.2)
+    #: and relative step of their differences.
+    swing_difference_step: float = 1e-3
+    #: Rounds of refining them with the loads that they change.
+    swing_rounds: int = 1
+    #: Fewest periods of a drive, or a change of the ground looks like a swing,
+    swing_min_periods: float = 2.0
+    #: and fewest samples of a period.
+    swing_min_samples_per_period: float = 8.0
+    #: Duration of a row of the search in s, its largest number of rows, and fewest manoeuvres.
+    swing_row_s: float = 0.05
+    swing_max_rows: int = 30_000
+    swing_min_manoeuvres: int = 6
+    #: Duration of a row by which they are refined, in periods: in shorter ones the noise of the
+    #: acceleration made the damping a third too large.
+    swing_row_periods: float = 0.1
+    #: Frequencies within this ratio are one peak.
+    swing_peak_ratio: float = 1.6
+    #: Least share of the residual's squares that a swinging mass explains at its peak (liquids,
+    #: masts and trailers 0.33 to 0.66, other machines 0.003 to 0.15), and the ratio of that share
+    #: to those of other frequencies (9 to 100, other machines 1.1 to 4).
+    swing_min_share: float = 0.1
+    swing_min_peak_ratio: float = 5.0
+    #: Least swinging mass over the machine's.
+    swinging_mass_min_share: float = 0.01
+
     # log_effects
     #: Prior probability that a log has an effect.
     effect_prior_probability: float = 0.2

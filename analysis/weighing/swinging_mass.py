@@ -1,0 +1,330 @@
+"""A mass that swings relative to the machine: a hanging load, a liquid, a mast, a coupled wagon.
+
+A mass m on a spring and a damper, driven by the acceleration a of the machine, moves relative to
+the machine by y:
+
+    y'' + 2 ζ ω y' + ω² y = -a        F = M a + m y'' + ...        M includes m
+
+The force is thus not M a while the mass swings, for many seconds after a start if ζ is small, and a
+single mass explains it by friction, delays and loads that the machine does not have (Abramson, The
+Dynamic Behavior of Liquids in Moving Containers, NASA SP-106, chapter 6, for liquids; Den Hartog,
+Mechanical Vibrations, chapter 3, for springs). Frequency and damping are those with the smallest
+residual of the force; the masses are parameters of the joint fit.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Final, NamedTuple, Self
+
+import numpy as np
+
+from analysis.stages.signals.grid_rate import count_rows_in_duration
+from analysis.weighing.column_inputs import ColumnInputs
+from analysis.weighing.fit_columns import RelativeLoads
+from analysis.weighing.joint_result import JointFit
+from analysis.weighing.motion_samples import Bools, Floats, Ints, MotionSamples
+from analysis.weighing.nuisances import Nuisance
+from analysis.weighing.stretch_means import list_indices_of_samples_in_whole_blocks
+from analysis.weighing.weighing_limits import LIMITS
+from estimators.interpreted import compiled_unless_short_log
+
+#: Name of the budget entry of all terms.
+BY_SWING: Final = "swinging_mass"
+
+
+def _make_swinging_mass_term(term_name: str, *, by_load: bool) -> Nuisance:
+    """Make the term of the mass at the mean load, or that of its growth with the load."""
+
+    def select_column(inputs: ColumnInputs) -> Floats:
+        assert inputs.swing_m_s2 is not None
+        return inputs.swing_m_s2[:, int(by_load)]
+
+    return Nuisance(
+        term_name,
+        "kg",
+        select_column,
+        lambda motion, _: LIMITS.swinging_mass_prior_share * motion.approximate_mass_kg,
+        "a mass that swings relative to the machine: a hanging load, a liquid, a mast",
+        "starts without jerks; pauses until nothing swings",
+        # far above its frequency the mass stays where it is, and y'' is -a
+        by_acceleration=lambda m: -m.relative_load if by_load else -np.ones(m.speed.size),
+        applies=lambda motion: motion.swing_m_s2 is not None,
+        by_load=by_load,
+        source=BY_SWING,
+    )
+
+
+#: Added to a fit whose log shows a swinging mass.
+SWINGING_MASS: Final = (
+    _make_swinging_mass_term("swinging_mass", by_load=False),
+    _make_swinging_mass_term("swinging_mass_by_load", by_load=True),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class SwingingMass:
+    """How a mass swings relative to the machine.
+
+    Attributes:
+        frequency_hz: natural frequency at the mean mass of the machine.
+        damping_1: damping ratio.
+        growth_1: relative growth of the mass on one spring over that of the machine's mass; 0 for a
+            frequency that does not depend on the load, as that of a pendulum.
+        restarts: whether the mass hangs still when a manoeuvre begins, as after a change of load.
+        loads: relative masses of the manoeuvres.
+        mass_kg: swinging mass at the mean load.
+    """
+
+    frequency_hz: float
+    damping_1: float
+    growth_1: float
+    restarts: bool
+    loads: RelativeLoads
+    mass_kg: float = 0.0
+
+    def add_swing_to_motion(self, motion: MotionSamples) -> MotionSamples:
+        """Copy of the motion with the swing, and with its product by the relative load."""
+        load = self.loads.look_up_relative_loads(motion.manoeuvre_of_sample)
+        swing_m_s2 = self.compute_relative_acceleration_m_s2(motion)
+        return replace(motion, swing_m_s2=np.column_stack([swing_m_s2, swing_m_s2 * load]))
+
+    def compute_relative_acceleration_m_s2(self, motion: MotionSamples) -> Floats:
+        """Acceleration y'' of the mass relative to the machine, (n,) in m/s²."""
+        load = self.loads.look_up_relative_loads(motion.manoeuvre_of_sample)
+        mass_ratio = (1.0 + self.growth_1 * load).clip(*LIMITS.swinging_mass_ratios)
+        omega_1_s = 2.0 * np.pi * self.frequency_hz / np.sqrt(mass_ratio)
+        number = motion.manoeuvre_of_sample
+        is_still = (np.diff(number, prepend=number[:1]) != 0) & self.restarts
+        return integrate_relative_acceleration_m_s2(
+            motion.acceleration, omega_1_s, self.damping_1, is_still, motion.rate_hz
+        )
+
+
+def subtract_swing_force(motion: MotionSamples, fit: JointFit) -> MotionSamples:
+    """Copy of the motion without the force of the swinging mass of a fit, if it has one."""
+    if motion.swing_m_s2 is None:
+        return motion
+    masses_kg = np.array([fit.estimate_of_term(term.name) for term in SWINGING_MASS])
+    return replace(motion, force=motion.force - motion.swing_m_s2 @ masses_kg)
+
+
+@compiled_unless_short_log
+def integrate_relative_acceleration_m_s2(
+    acceleration: Floats, omega_1_s: Floats, damping_1: float, is_still: Bools, rate_hz: float
+) -> Floats:
+    """Acceleration y'' of a sprung mass relative to its base, (n,) in m/s².
+
+    The trapezoidal rule (Newmark 1959, with β = 1/4), with the frequency warped so that the
+    resonance is where ω says.
+
+    Args:
+        acceleration: (n,) acceleration of the base in m/s².
+        omega_1_s: (n,) natural frequency in rad/s, below π times the rate.
+        damping_1: damping ratio.
+        is_still: (n,) whether the mass hangs still before the sample.
+        rate_hz: rate of the samples.
+    """
+    out = np.empty(acceleration.size)
+    h, y, rate, second = 1.0 / rate_hz, 0.0, 0.0, 0.0
+    for k in range(acceleration.size):
+        if is_still[k]:
+            y, rate, second = 0.0, 0.0, 0.0
+        omega = 2.0 / h * np.tan(0.5 * h * omega_1_s[k])
+        damping, stiffness = 2.0 * damping_1 * omega, omega * omega
+        half_rate = rate + 0.5 * h * second
+        ahead = y + h * rate + 0.25 * h * h * second
+        following = -acceleration[k] - damping * half_rate - stiffness * ahead
+        following /= 1.0 + 0.5 * h * damping + 0.25 * h * h * stiffness
+        y = ahead + 0.25 * h * h * following
+        rate = half_rate + 0.5 * h * following
+        out[k] = second = following
+    return out
+
+
+def find_swinging_mass(motion: MotionSamples) -> SwingingMass | None:
+    """Find a mass whose swinging explains the force; None if the log does not show one.
+
+    An accelerometer may sit on the swinging mass itself, so that only logs without one are tested.
+    """
+    if motion.by_accelerometer:
+        return None
+    rows = _ResidualRows.from_motion(motion, LIMITS.swing_row_s)
+    if rows is None:
+        return None
+    lowest_hz = LIMITS.swing_min_periods / rows.typical_drive_s
+    highest_hz = motion.rate_hz / LIMITS.swing_min_samples_per_period
+    tried = [
+        (rows.compute_share_explained_by_swing(hz, restarts), hz, restarts)
+        for hz, restarts in product(LIMITS.swing_frequencies_hz, (False, True))
+        if lowest_hz <= hz <= highest_hz
+    ]
+    most, hz, restarts = max(tried, default=(0.0, 0.0, False))
+    ratio = LIMITS.swing_peak_ratio
+    away = [share for share, other, _ in tried if not hz / ratio < other < hz * ratio]
+    if most < max(LIMITS.swing_min_share, LIMITS.swing_min_peak_ratio * max(away, default=0.0)):
+        return None
+    # longer rows have less noise of the acceleration, and hold all of a slow swing
+    rows = _ResidualRows.from_motion(motion, LIMITS.swing_row_periods / hz) or rows
+    found, fitted = rows.refine_swinging_mass(rows.make_swinging_mass(hz, restarts))
+    for _ in range(LIMITS.swing_rounds):
+        # the swing has hidden the loads on which its frequency depends
+        rows = rows.copy_with_loads_beside_swing(fitted.force_N)
+        found, fitted = rows.refine_swinging_mass(replace(found, loads=rows.loads))
+    # what decays at once, or never, is another force
+    least, most = LIMITS.swing_damping_range_1
+    margin = 1.0 + LIMITS.swing_difference_step
+    is_damped = least * margin < found.damping_1 < most / margin
+    least_kg = LIMITS.swinging_mass_min_share * motion.approximate_mass_kg
+    return found if is_damped and found.mass_kg > least_kg else None
+
+
+@dataclass(frozen=True)
+class _ResidualRows:
+    """Force that masses by manoeuvre, friction, delay and stiffness leave unexplained.
+
+    Attributes:
+        motion: the samples up to the last row.
+        sample: (rows, block) samples of each row, which is their mean.
+        manoeuvre: (rows,) index of the row's manoeuvre.
+        acceleration: (rows,) in m/s².
+        force: (rows,) in N.
+        terms: (rows, k) columns of the terms that need no swinging mass.
+        known: (rows, k) orthonormal form of these columns without masses.
+        residual_N: (rows,) force without masses and these terms.
+        loads: relative masses of the manoeuvres.
+    """
+
+    motion: MotionSamples
+    sample: Ints
+    manoeuvre: Ints
+    acceleration: Floats
+    force: Floats
+    terms: Floats
+    known: Floats
+    residual_N: Floats
+    loads: RelativeLoads
+
+    @classmethod
+    def from_motion(cls, motion: MotionSamples, row_s: float) -> Self | None:
+        """Rows of so many seconds of the first manoeuvres; None if there are too few."""
+        block = count_rows_in_duration(row_s, motion.rate_hz)
+        sample = list_indices_of_samples_in_whole_blocks(motion.stretch_of_sample, block)
+        sample = sample[: LIMITS.swing_max_rows * block].reshape(-1, block)
+        if not sample.size:
+            return None
+        motion = motion.cut_to_first_stretches(int(motion.stretch_of_sample[sample[-1, 0]]) + 1)
+        ids, manoeuvre = np.unique(motion.manoeuvre_of_sample[sample[:, 0]], return_inverse=True)
+        if ids.size < LIMITS.swing_min_manoeuvres:
+            return None
+        jerk, bend = differentiate_means_twice(motion.acceleration, block, motion.rate_hz)
+        inputs = motion.acceleration, motion.force, motion.speed, jerk, bend, motion.travelled_m
+        acceleration, force, speed, jerk, bend, travelled_m = (
+            x[sample].mean(axis=1) for x in inputs
+        )
+        one_way = motion.direction[sample[:, 0]]
+        constant, drag = np.ones(speed.size), speed * np.abs(speed)
+        ground = travelled_m, travelled_m**2, one_way * travelled_m, one_way * travelled_m**2
+        terms = [speed, constant, one_way, drag, jerk, bend, *ground]
+        loads = RelativeLoads.from_masses(ids, np.ones(ids.size), (0.0, 0.0))
+        if loads is None or not (np.bincount(manoeuvre, acceleration**2) > 0.0).all():
+            return None
+        scaled = np.column_stack([x / max(np.linalg.norm(x), np.finfo(float).tiny) for x in terms])
+        nothing = np.empty((speed.size, 0))
+        rows = cls(motion, sample, manoeuvre, acceleration, force, scaled, nothing, force, loads)
+        known = np.linalg.qr(np.column_stack([rows.subtract_masses(x) for x in scaled.T]))[0]
+        rows = replace(rows, known=known)
+        rows = replace(rows, residual_N=rows.subtract_known(force))
+        return rows.copy_with_loads_beside_swing(np.zeros(speed.size))
+
+    @property
+    def typical_drive_s(self) -> float:
+        """Median duration of a manoeuvre's rows, in s."""
+        rows_s = np.bincount(self.manoeuvre) * self.sample.shape[1] / self.motion.rate_hz
+        return float(np.median(rows_s))
+
+    def subtract_masses(self, column: Floats) -> Floats:
+        """Subtract from a column what a mass of each manoeuvre explains (Frisch, Waugh, Lovell)."""
+        return column - self.acceleration * self.fit_masses_kg(column)[self.manoeuvre]
+
+    def fit_masses_kg(self, force: Floats) -> Floats:
+        """Mass of each manoeuvre, (manoeuvres,) in kg, that explains a force alone."""
+        square = np.bincount(self.manoeuvre, self.acceleration**2)
+        return np.bincount(self.manoeuvre, self.acceleration * force) / square
+
+    def subtract_known(self, column: Floats) -> Floats:
+        """Subtract masses and known terms from a column."""
+        left = self.subtract_masses(column)
+        return left - self.known @ (self.known.T @ left)
+
+    def copy_with_loads_beside_swing(self, swing_N: Floats) -> Self:
+        """Copy with the relative masses of the manoeuvres beside a swing's force (rows,)."""
+        force = self.force - swing_N
+        free = np.column_stack([self.subtract_masses(x) for x in self.terms.T])
+        weights = np.linalg.lstsq(free, self.subtract_masses(force), rcond=None)[0]
+        masses_kg = self.fit_masses_kg(force - self.terms @ weights)
+        loads = RelativeLoads.from_masses(self.loads.manoeuvre_ids, masses_kg, (0.0, 0.0))
+        return self if loads is None else replace(self, loads=loads)
+
+    def make_swinging_mass(self, frequency_hz: float, restarts: bool) -> SwingingMass:
+        """A mass with the damping of the search, whose frequency does not depend on the load."""
+        return SwingingMass(frequency_hz, LIMITS.swing_damping_1, 0.0, restarts, self.loads)
+
+    def compute_share_explained_by_swing(self, frequency_hz: float, restarts: bool) -> float:
+        """Share of the residual's squares that a mass with this frequency explains."""
+        mass = self.make_swinging_mass(frequency_hz, restarts)
+        left_N = self.residual_N - self.fit_swing(mass).unknown_N
+        return 1.0 - float(left_N @ left_N) / float(self.residual_N @ self.residual_N)
+
+    def fit_swing(self, mass: SwingingMass) -> "_FittedSwing":
+        """Fit the swinging mass at the mean load, and its growth with the relative load."""
+        swing = mass.compute_relative_acceleration_m_s2(self.motion)[self.sample].mean(axis=1)
+        columns = np.column_stack([swing, swing * self.loads.value[self.manoeuvre]])
+        free = np.column_stack([self.subtract_known(x) for x in columns.T])
+        masses_kg = np.linalg.lstsq(free, self.residual_N, rcond=None)[0]
+        return _FittedSwing(masses_kg, columns @ masses_kg, free @ masses_kg)
+
+    def refine_swinging_mass(self, start: SwingingMass) -> tuple[SwingingMass, "_FittedSwing"]:
+        """Refine frequency, damping and growth; the swinging mass, and its force."""
+        from scipy.optimize import least_squares
+
+        def make_from_logs(logs_and_growth: Floats) -> SwingingMass:
+            hz, damping_1 = np.exp(logs_and_growth[:2]).tolist()
+            growth_1 = float(logs_and_growth[2])
+            return replace(start, frequency_hz=hz, damping_1=damping_1, growth_1=growth_1)
+
+        middle, width = np.log(start.frequency_hz), np.log(LIMITS.swing_peak_ratio)
+        lightest, heaviest = np.log(LIMITS.swing_damping_range_1).tolist()
+        least, most = LIMITS.swinging_mass_growth_range_1
+        solved = least_squares(
+            lambda x: self.residual_N - self.fit_swing(make_from_logs(x)).unknown_N,
+            np.array([middle, np.log(start.damping_1), start.growth_1]),
+            bounds=([middle - width, lightest, least], [middle + width, heaviest, most]),
+            x_scale=LIMITS.swing_refining_steps,
+            diff_step=LIMITS.swing_difference_step,
+        )
+        found = make_from_logs(solved.x)
+        fitted = self.fit_swing(found)
+        return replace(found, mass_kg=float(fitted.masses_kg[0])), fitted
+
+
+class _FittedSwing(NamedTuple):
+    """Force of a swinging mass as fitted.
+
+    Attributes:
+        masses_kg: (2,) swinging mass at the mean load, and its growth with the relative load.
+        force_N: (rows,) its force.
+        unknown_N: (rows,) the part of it that masses and known terms do not explain.
+    """
+
+    masses_kg: Floats
+    force_N: Floats
+    unknown_N: Floats
+
+
+def differentiate_means_twice(
+    acceleration: Floats, block: int, rate_hz: float
+) -> tuple[Floats, Floats]:
+    """First and second derivative of an acceleration averaged over blocks, (n,) each."""
+    mean = np.full(block, 1.0 / block)
+    jerk = np.gradient(np.convolve(acceleration, mean, "same")) * rate_hz
+    return jerk, np.gradient(np.convolve(jerk, mean, "same")) * rate_hz
