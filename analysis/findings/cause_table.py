@@ -338,7 +338,7 @@ CAUSES: Final = (
     ),
     Cause(
         "resonance",
-        "the driveline or the frame oscillates",
+        "the driveline or the frame oscillates, or a load swings",
         f"{_STILL}, and {_START}",
         residual_causes.find_resonance_of_residual,
         # noise of the acceleration attenuates the mass, but not the gain of the wheels
