@@ -96,6 +96,12 @@ class PriorSettings(BaseModel):
         description="prior of the change of rolling resistance over ten metres of the route from "
         "loading to dumping, likewise",
     )
+    grade_change_share: float = Field(
+        0.002,
+        gt=0,
+        description="prior of the change of the grade over ten metres of that route, without an "
+        "accelerometer that measures it, likewise",
+    )
     viscous_drift_share: float = Field(
         0.1,
         gt=0,

@@ -40,6 +40,7 @@ class ColumnInputs:
             within the noise are set to 0.
         swing_m_s2: (n, 2) acceleration of a swinging mass relative to the machine, and its product
             by the relative load; None without one.
+        heading_from_dump: 1 with the front away from the nearest dump, else -1; None without route.
     """
 
     acceleration: Floats
@@ -66,6 +67,7 @@ class ColumnInputs:
     weight_shares: tuple[float, float]
     force_rate_parabola: Ints | None
     swing_m_s2: Floats | None = None
+    heading_from_dump: Floats | None = None
 
     @property
     def ground_speed_m_s(self) -> Floats:

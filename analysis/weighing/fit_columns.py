@@ -432,6 +432,9 @@ def make_columns_of_piece(
         (0.0, 0.0) if loads is None else loads.weight_shares,
         parabola,
         motion.swing_m_s2,
+        None
+        if loads is None or previous_estimates.route is None
+        else previous_estimates.route.compute_headings_from_dump(motion),
     ).select_rows(fitted_samples)
     A = np.empty((2 + len(terms), fitted_samples.size))
     A[0], A[1] = raw.acceleration, raw.speed

@@ -26,7 +26,7 @@ from analysis.weighing.motion_samples import CachedNoise, ColumnNoiseModel, Floa
 from analysis.weighing.nuisances import NUISANCES, Nuisance
 from analysis.weighing.slip_by_load import SLIP_BY_LOAD
 from analysis.weighing.swinging_mass import SWINGING_MASS
-from analysis.weighing.uneven_ground import GROUND, does_load_search_include_ground
+from analysis.weighing.uneven_ground import GRADE, GROUND, does_load_search_include_ground
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_comparison import (
     compare_wheels_with_accelerometer,
@@ -137,7 +137,7 @@ def select_terms_of_motion(
     motion: MotionSamples, *, has_several_loads: bool, has_ground: bool
 ) -> tuple[Nuisance, ...]:
     """Terms that apply to these samples; terms by load only with several loads."""
-    ground = GROUND if has_ground else ()
+    ground = (*GROUND, *GRADE) if has_ground else ()
     return tuple(
         term
         for term in (*NUISANCES, SLIP_BY_LOAD, *PLACE, *LOW_GEARS, *SWINGING_MASS, *ground)

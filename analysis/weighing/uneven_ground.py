@@ -9,7 +9,8 @@ between a few places.
 On its way back the machine drives over the ground of its haul. As a function of the distance from
 the dump, the change of rolling resistance along that route is one force for all loads, in
 proportion to the weight: a loaded machine accelerates across a boundary between two grounds where
-an empty one cruises.
+an empty one cruises. So is its grade, but the machine that climbs it on its haul descends it on its
+way back.
 """
 
 from collections.abc import Callable
@@ -171,19 +172,43 @@ def compute_relative_random_walk_std(length_m: float) -> float:
 
 def _make_route_term(route_part: int) -> Nuisance:
     """Term of the change of rolling resistance along one part of the route."""
-    start, end = route_part / LIMITS.route_parts, (route_part + 1) / LIMITS.route_parts
-
-    def make_route_column(m: ColumnInputs) -> Floats:
-        ratio = compute_relative_random_walk_std(m.route_length_m / LIMITS.route_parts)
-        return evaluate_scaled_ramp(m.direction_times_relative_weight, m.route_1, start, end, ratio)
-
     return Nuisance(
         f"ground_route_{route_part + 1}_of_{LIMITS.route_parts}",
         "N",
-        make_route_column,
+        lambda m: _compute_route_ramp(m, m.direction_times_relative_weight, route_part),
         lambda e, s: s.ground_route_share * e.empty_weight_N,
         "change of rolling resistance along the route, over ten metres",
         "more cycles; even ground",
+        by_load=True,
+        source=BY_GROUND,
+    )
+
+
+def _compute_route_ramp(m: ColumnInputs, scale: Floats, route_part: int) -> Floats:
+    """Random walk along one part of the route, (n,), multiplied by `scale`."""
+    start, end = route_part / LIMITS.route_parts, (route_part + 1) / LIMITS.route_parts
+    ratio = compute_relative_random_walk_std(m.route_length_m / LIMITS.route_parts)
+    return evaluate_scaled_ramp(scale, m.route_1, start, end, ratio)
+
+
+def _make_grade_term(name: str, route_part: int | None) -> Nuisance:
+    """Term of the grade at the dump, or of its change along one part of the route."""
+
+    def compute_grade_column(m: ColumnInputs) -> Floats:
+        if m.heading_from_dump is None:
+            return np.zeros(m.speed.size)
+        weight = m.heading_from_dump * (1.0 + m.relative_load)
+        return weight if route_part is None else _compute_route_ramp(m, weight, route_part)
+
+    return Nuisance(
+        f"grade_{name}",
+        "N",
+        compute_grade_column,
+        lambda e, s: s.grade_change_share * e.empty_weight_N,
+        "grade along the route, which the machine climbs one way and descends the other",
+        "a pitch channel; even ground",
+        # an accelerometer measures gravity
+        applies=lambda motion: not motion.by_accelerometer,
         by_load=True,
         source=BY_GROUND,
     )
@@ -194,6 +219,11 @@ GROUND: Final = (
     *_DrivingDirection("forward", 1.0).make_terms(),
     *_DrivingDirection("reverse", -1.0).make_terms(),
     *map(_make_route_term, range(LIMITS.route_parts)),
+)
+#: Added after these.
+GRADE: Final = (
+    _make_grade_term("at_dump", None),
+    *(_make_grade_term(f"{k + 1}_of_{LIMITS.route_parts}", k) for k in range(LIMITS.route_parts)),
 )
 
 
