@@ -145,18 +145,20 @@ def add_hauls_without_usable_start(
     hauls_ns = passes.start_ns[passes.loaded]
     if hauls_ns.size < LIMITS.period_min_dumps:
         return cycle_parts
-    apart_ns = (1.0 - LIMITS.rhythm_tolerance) * float(np.median(np.diff(hauls_ns)))
     min_kg = sum(float(passes.mass_kg[of].mean()) for of in (passes.loaded, ~passes.loaded)) / 2.0
+    spans_ns = [
+        (int(t_ns[each.first]), int(t_ns[each.last]))
+        for each in excluded
+        if each.mean_mass_kg > min_kg
+    ]
+    spans_ns = [span for span in spans_ns if _is_while_empty(span, passes)]
+    # hauls between which one is missing are no usual cycle apart
+    together_ns = np.sort(np.append(hauls_ns, [first_ns for first_ns, _ in spans_ns]))
+    apart_ns = (1.0 - LIMITS.rhythm_tolerance) * float(np.median(np.diff(together_ns)))
     start_ns = manoeuvres["start_t_ns"].to_numpy()
     found = [*cycle_parts]
-    for each in excluded:
-        first_ns, last_ns = int(t_ns[each.first]), int(t_ns[each.last])
-        number = int(np.searchsorted(passes.start_ns, first_ns)) - 1
-        is_while_empty = number < 0 or (
-            not passes.loaded[number] and last_ns < passes.end_ns[number]
-        )
-        is_apart = bool((np.abs(hauls_ns - first_ns) > apart_ns).all())
-        if not (is_while_empty and is_apart and each.mean_mass_kg > min_kg):
+    for first_ns, last_ns in spans_ns:
+        if not (np.abs(hauls_ns - first_ns) > apart_ns).all():
             continue
         hauls_ns = np.append(hauls_ns, first_ns)
         after = int(np.searchsorted(start_ns, first_ns))
@@ -171,6 +173,12 @@ def add_hauls_without_usable_start(
             part.dump_ns = last_ns, int(start_ns[after])
             part.bucket_emptied_ns = sum(part.dump_ns) // 2
     return sorted(found, key=_find_start_of_earliest_part_ns)
+
+
+def _is_while_empty(span_ns: Span, passes: LoadPasses) -> bool:
+    """Whether a manoeuvre lies within an empty pass or before all passes."""
+    number = int(np.searchsorted(passes.start_ns, span_ns[0])) - 1
+    return number < 0 or (not passes.loaded[number] and span_ns[1] < passes.end_ns[number])
 
 
 def _find_start_of_earliest_part_ns(cycle: CycleParts) -> int:

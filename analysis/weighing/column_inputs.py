@@ -40,7 +40,8 @@ class ColumnInputs:
             within the noise are set to 0.
         swing_m_s2: (n, 2) acceleration of a swinging mass relative to the machine, and its product
             by the relative load; None without one.
-        heading_from_dump: 1 with the front away from the nearest dump, else -1; None without route.
+        heading_from_dump: 1 with the front away from the nearest dump, else -1; None without a
+            route that is long enough.
     """
 
     acceleration: Floats

@@ -432,9 +432,7 @@ def make_columns_of_piece(
         (0.0, 0.0) if loads is None else loads.weight_shares,
         parabola,
         motion.swing_m_s2,
-        None
-        if loads is None or previous_estimates.route is None
-        else previous_estimates.route.compute_headings_from_dump(motion),
+        find_heading_from_dump(motion, previous_estimates),
     ).select_rows(fitted_samples)
     A = np.empty((2 + len(terms), fitted_samples.size))
     A[0], A[1] = raw.acceleration, raw.speed
@@ -459,6 +457,19 @@ def find_route_positions_and_length_m(
     if loads is None or route is None:
         return np.zeros(motion.speed.size), 0.0
     return route.compute_relative_distances_to_dump(motion), route.length_m
+
+
+def find_heading_from_dump(
+    motion: MotionSamples, previous_estimates: PreviousEstimates
+) -> Floats | None:
+    """Heading of each sample, (n,): 1 with the front away from the nearest dump, else -1.
+
+    None without a route, or on one so short that the terms of the starts have its ground.
+    """
+    route = previous_estimates.route
+    if route is None or route.length_m < LOAD_LIMITS.grade_min_route_m:
+        return None
+    return route.compute_headings_from_dump(motion)
 
 
 def find_fitted_samples_with_advanced_force(motion: MotionSamples, force_delay_s: float) -> Ints:

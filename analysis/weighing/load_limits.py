@@ -122,6 +122,8 @@ class LoadLimits:
     ground_change_m: float = 10.0
     #: Places along the route between which it does likewise.
     route_parts: int = 24
+    #: Shortest route in m with a grade of its own: twice what the terms of a start reach.
+    grade_min_route_m: float = 12.0
     #: Fewest manoeuvres of a log whose loads are searched with the ground in the fit: in shorter
     #: ones it explains loads (record 0164).
     ground_min_manoeuvres: int = 24

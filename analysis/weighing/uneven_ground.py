@@ -207,8 +207,8 @@ def _make_grade_term(name: str, route_part: int | None) -> Nuisance:
         lambda e, s: s.grade_change_share * e.empty_weight_N,
         "grade along the route, which the machine climbs one way and descends the other",
         "a pitch channel; even ground",
-        # an accelerometer measures gravity
-        applies=lambda motion: not motion.by_accelerometer,
+        # an accelerometer measures gravity, and what never reverses may come back another way
+        applies=lambda motion: motion.drives_both_ways and not motion.by_accelerometer,
         by_load=True,
         source=BY_GROUND,
     )
