@@ -20,7 +20,7 @@ from analysis.weighing.friction_warming import WARMING
 from analysis.weighing.low_gears import BY_GEAR, LOW_GEARS
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.nuisances import Nuisance
-from analysis.weighing.uneven_ground import GRADE, GROUND
+from analysis.weighing.uneven_ground import GROUND
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.joint.posterior_fit import PosteriorFit
 
@@ -30,7 +30,6 @@ _WIDTHS: Final = {
     "gain": ("gain_drift",),
     BY_PLACE: ("place_share",),
     BY_GEAR: ("low_gear_share",),
-    "grade": ("grade_change_share",),
     "ground": ("ground_share", "ground_change_share", "ground_route_share"),
 }
 #: Effect that each term belongs to.
@@ -40,7 +39,6 @@ EFFECTS: Final = {
     **{term.name: BY_PLACE for term in PLACE},
     **{term.name: BY_GEAR for term in LOW_GEARS},
     **{term.name: "ground" for term in GROUND},
-    **{term.name: "grade" for term in GRADE},
 }
 _LOG_ODDS: Final = float(
     np.log(LIMITS.effect_prior_probability / (1.0 - LIMITS.effect_prior_probability))

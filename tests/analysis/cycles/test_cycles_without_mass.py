@@ -291,3 +291,21 @@ def test_two_excluded_hauls_with_no_weighed_drive_between_them_are_two_cycles() 
     assert passes is not None
     parts, _ = find_cycle_parts(passes, frames, excluded, adds_boom=True)
     assert [part.loaded_pass is None for part in parts] == [True] * 2 + [False] * (len(LOADS) - 2)
+
+
+def test_every_second_haul_that_is_excluded_is_a_cycle() -> None:
+    """A crane had 5 of 10 loads and not a word of the others: its hauls were two cycles apart."""
+    unseen = tuple(range(1, len(LOADS) - 1, 2))
+    frames = drawn_shift(LOADS, digs=False, unseen=unseen)
+    t_ns = frames["excitation"]["t_ns"].to_numpy()
+    spans = np.searchsorted(
+        t_ns, [((100.0 * k + 50.0) * NS, (100.0 * k + 58.0) * NS) for k in unseen]
+    )
+    excluded = [
+        LoadChangeInMotion(0, int(first), int(last), 4300.0, 500.0, 80.0) for first, last in spans
+    ]
+    passes = find_load_passes(frames["loads"], frames["manoeuvres"], frames["digging"])
+    assert passes is not None
+    parts, _ = find_cycle_parts(passes, frames, excluded, adds_boom=True)
+    assert sum(part.loaded_pass is None for part in parts) == len(unseen)
+    assert len(parts) == len(LOADS)
