@@ -280,7 +280,7 @@ class _ResidualRows:
         swing = mass.compute_relative_acceleration_m_s2(self.motion)[self.sample].mean(axis=1)
         columns = np.column_stack([swing, swing * self.loads.value[self.manoeuvre]])
         free = np.column_stack([self.subtract_known(x) for x in columns.T])
-        masses_kg = np.linalg.lstsq(free, self.residual_N, rcond=None)[0]
+        masses_kg = np.linalg.lstsq(free, self.residual_N, rcond=None)[0].astype(np.float64)
         return _FittedSwing(masses_kg, columns @ masses_kg, free @ masses_kg)
 
     def refine_swinging_mass(self, start: SwingingMass) -> tuple[SwingingMass, "_FittedSwing"]:
@@ -300,7 +300,7 @@ class _ResidualRows:
             np.array([middle, np.log(start.damping_1), start.growth_1]),
             bounds=([middle - width, lightest, least], [middle + width, heaviest, most]),
             x_scale=LIMITS.swing_refining_steps,
-            diff_step=LIMITS.swing_difference_step,
+            diff_step=np.full(3, LIMITS.swing_difference_step),
         )
         found = make_from_logs(solved.x)
         fitted = self.fit_swing(found)
