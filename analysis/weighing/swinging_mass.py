@@ -234,6 +234,8 @@ class _ResidualRows:
         known = np.linalg.qr(np.column_stack([rows.subtract_masses(x) for x in scaled.T]))[0]
         rows = replace(rows, known=known)
         rows = replace(rows, residual_N=rows.subtract_known(force))
+        if not rows.residual_N.any():  # the force is 0, or the terms explain all of it
+            return None
         return rows.copy_with_loads_beside_swing(np.zeros(speed.size))
 
     @property

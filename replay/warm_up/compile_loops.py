@@ -28,6 +28,10 @@ STEPS: Final = (
 )
 _MACHINE: Final = Path("cat262c.toml")
 _ALL_METHODS: Final = f"settings.trace.methods={format_toml([*METHODS])}"
+_BY_WHEELS: Final = (
+    "channels.acc_x_m_s2.derive=d/dt speed_x_m_s",
+    "settings.forces.acceleration=kinematic",
+)
 #: Two starts in half a minute, at half the usual rate: the least that a fit needs.
 _STRAIGHT: Final = {
     "campaign": {
@@ -96,6 +100,8 @@ def compile_all_loops(on_stage: Callable[[str], None] = lambda _: None) -> None:
         follow_logs(turning, load_machine(_MACHINE), _discard_followed_rows, idle_s=0.0)
         on_stage("review")
         review_shift(shift, _MACHINE, folder / "page", ReviewOptions())
+        # without an accelerometer, a mass that swings is searched for
+        replay_and_record_logs(shift, _MACHINE, overrides=_BY_WHEELS)
 
 
 def _discard_followed_rows(following: FollowedLogState, rows: list[FollowedRow]) -> None:
