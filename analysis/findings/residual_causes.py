@@ -166,7 +166,7 @@ def _report_swinging_mass(swinging_mass: SwingingMass, fit: JointFit) -> Symptom
     common = SWINGING_MASS[0].name
     mass_kg, t = fit.estimate_of_term(common), fit.abs_t_by_term[common]
     return Symptom(
-        t / LIMITS.named_term_min_std,
+        max(t / LIMITS.named_term_min_std, 1.0),  # the search has found it
         f"a mass of about {float(f'{mass_kg:.2g}'):,.0f} kg swings relative to the machine at "
         f"{swinging_mass.frequency_hz:.2f} Hz, like a hanging load, a liquid, a mast or a coupled "
         "wagon; the fit models it",
