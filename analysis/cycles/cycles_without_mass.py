@@ -152,9 +152,11 @@ def add_hauls_without_usable_start(
         if each.mean_mass_kg > min_kg
     ]
     spans_ns = [span for span in spans_ns if _is_while_empty(span, passes)]
-    # hauls between which one is missing are no usual cycle apart
+    # hauls between which one is missing are no usual cycle apart, and starts of one haul even less
     together_ns = np.sort(np.append(hauls_ns, [first_ns for first_ns, _ in spans_ns]))
-    apart_ns = (1.0 - LIMITS.rhythm_tolerance) * float(np.median(np.diff(together_ns)))
+    since_ns = np.diff(together_ns)
+    since_ns = since_ns[since_ns > LIMITS.one_haul_cycles * float(np.median(np.diff(hauls_ns)))]
+    apart_ns = (1.0 - LIMITS.rhythm_tolerance) * float(np.median(since_ns))
     start_ns = manoeuvres["start_t_ns"].to_numpy()
     found = [*cycle_parts]
     for first_ns, last_ns in spans_ns:

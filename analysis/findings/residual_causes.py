@@ -122,8 +122,9 @@ def find_resonance_of_residual(inputs: FindingInputs) -> list[Symptom]:
     """Find a mass on a spring, or a peak in the ratio of spectra in motion and at standstill."""
     fit = inputs.fit_without_learnt_priors
     weighing = inputs.check_inputs.weighing
-    if fit is not None and weighing is not None and weighing.swinging_mass is not None:
-        return [_report_swinging_mass(weighing.swinging_mass, fit)]
+    swinging_mass = None if weighing is None else weighing.swinging_mass
+    if fit is not None and swinging_mass and fit.estimate_of_term(SWINGING_MASS[0].name) > 0.0:
+        return [_report_swinging_mass(swinging_mass, fit)]
     springs = [each for each in inputs.reportable_missing_terms if each.term is ELASTICITY]
     if fit is not None and springs:
         (spring,) = springs
@@ -166,7 +167,8 @@ def _report_swinging_mass(swinging_mass: SwingingMass, fit: JointFit) -> Symptom
     common = SWINGING_MASS[0].name
     mass_kg, t = fit.estimate_of_term(common), fit.abs_t_by_term[common]
     return Symptom(
-        max(t / LIMITS.named_term_min_std, 1.0),  # the search has found it
+        # the search has found it
+        max(t / LIMITS.named_term_min_std, 1.0),
         f"a mass of about {float(f'{mass_kg:.2g}'):,.0f} kg swings relative to the machine at "
         f"{swinging_mass.frequency_hz:.2f} Hz, like a hanging load, a liquid, a mast or a coupled "
         "wagon; the fit models it",

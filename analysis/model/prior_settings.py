@@ -1,6 +1,5 @@
 """The priors of the joint fit's nuisances, and the priors learnt by a calibration."""
 
-import math
 from collections.abc import Collection
 from typing import Literal, Self
 
@@ -189,10 +188,12 @@ class PriorSettings(BaseModel):
         Args:
             unchanged_terms: names of terms that stay as they are.
         """
+        import numpy as np  # slow to import; math.hypot differs in the last bit
+
         learnt = {
             name: term
             if name in unchanged_terms
-            else LearntTerm(mean=term.mean, std=math.hypot(term.std, term.mean_u), mean_u=0.0)
+            else LearntTerm(mean=term.mean, std=float(np.hypot(term.std, term.mean_u)), mean_u=0.0)
             for name, term in self.learnt.items()
         }
         return self.model_copy(update={"learnt": learnt})

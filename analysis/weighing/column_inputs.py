@@ -38,8 +38,7 @@ class ColumnInputs:
             proportional to the weight.
         force_rate_parabola: index of the parabola that gave each `force_rate`; None if values
             within the noise are set to 0.
-        swing_m_s2: (n, 2) acceleration of a swinging mass relative to the machine, and its product
-            by the relative load; None without one.
+        swing_m_s2: acceleration of a swinging mass relative to the machine; None without one.
         heading_from_dump: 1 with the front away from the nearest dump, else -1; None without a
             route that is long enough.
     """

@@ -464,10 +464,13 @@ def find_heading_from_dump(
 ) -> Floats | None:
     """Heading of each sample, (n,): 1 with the front away from the nearest dump, else -1.
 
-    None without a route, or on one so short that the terms of the starts have its ground.
+    None if gravity is measured, without a route, or on one so short that the terms of the starts
+    have its ground.
     """
     route = previous_estimates.route
-    if route is None or route.length_m < LOAD_LIMITS.grade_min_route_m:
+    if motion.has_measured_gravity or route is None:
+        return None
+    if previous_estimates.relative_loads is None or route.length_m < LOAD_LIMITS.grade_min_route_m:
         return None
     return route.compute_headings_from_dump(motion)
 

@@ -158,7 +158,7 @@ _PARTS: Final = {
         "log shows it",
         "the motion of the mass itself, by an accelerometer or encoder on it; starts without jerks",
     ),
-    "swinging_mass": _FitPart(
+    "swing": _FitPart(
         "common",
         "a mass that swings relative to the machine, such as a hanging load, a liquid or a mast: "
         "the log determines how heavy it is",

@@ -107,8 +107,8 @@ class MotionSamples:
         wheel_radius_u_1: relative standard uncertainty of the wheel radius; None if not stated.
         relative_gear_ratio: gear ratio over the largest of the fitted samples; None without one.
         has_single_load: whether the machine is known to carry one load throughout.
-        swing_m_s2: (n, 2) acceleration of a swinging mass relative to the machine, and its product
-            by the relative load; None without one.
+        has_measured_gravity: whether the acceleration includes gravity, by accelerometer or pitch.
+        swing_m_s2: acceleration of a swinging mass relative to the machine; None without one.
     """
 
     acceleration: Floats
@@ -136,6 +136,7 @@ class MotionSamples:
     wheel_radius_u_1: float | None = None
     relative_gear_ratio: Floats | None = None
     has_single_load: bool = False
+    has_measured_gravity: bool = False
     swing_m_s2: Floats | None = None
 
     def cut_to_first_stretches(self, stretch_count: int) -> "MotionSamples":
@@ -249,11 +250,8 @@ class MotionSamples:
     @cached_property
     def record_count(self) -> int:
         """Number of records, separated by gaps."""
-        return (
-            1
-            if self.long_gap_count is None
-            else int(np.unique(self.long_gap_count[self.is_fittable]).size)
-        )
+        gaps = self.long_gap_count
+        return 1 if gaps is None else int(np.unique(gaps[self.is_fittable]).size)
 
     @cached_property
     def is_short_path_bench_log(self) -> bool:
@@ -364,6 +362,7 @@ def collect_motion_samples(
         machine.machine.wheel_radius_u_1,
         None if ratio is None else ratio / ratio[group >= 0].max(initial=np.finfo(float).tiny),
         settings.loads.single_load,
+        settings.forces.acceleration == "specific_force" or pitch is not None,
     )
 
 

@@ -92,6 +92,7 @@ def refit_with_acceleration_of_other_sensor(
         without_gravity=None,
         wheel_acceleration=None,
         by_accelerometer=not by_wheels,
+        swing_m_s2=None,  # it is that of the other acceleration
     )
     of_other = _OtherMotionNoise(noise, motion.rate_hz, by_wheels=by_wheels)
     found = fit_jointly(JointFitInputs.prepare_from_motion(other, of_other, priors), fit.states)

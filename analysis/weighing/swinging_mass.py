@@ -21,6 +21,7 @@ import numpy as np
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.column_inputs import ColumnInputs
 from analysis.weighing.fit_columns import RelativeLoads
+from analysis.weighing.fitted_stretches import advance_signal_by_delay
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import Bools, Floats, Ints, MotionSamples
 from analysis.weighing.nuisances import Nuisance
@@ -29,20 +30,20 @@ from analysis.weighing.weighing_limits import LIMITS
 from estimators.interpreted import compiled_unless_short_log
 
 #: Name of the budget entry of all terms.
-BY_SWING: Final = "swinging_mass"
+BY_SWING: Final = "swing"
 
 
 def _make_swinging_mass_term(term_name: str, *, by_load: bool) -> Nuisance:
     """Make the term of the mass at the mean load, or that of its growth with the load."""
 
-    def select_column(inputs: ColumnInputs) -> Floats:
+    def make_column(inputs: ColumnInputs) -> Floats:
         assert inputs.swing_m_s2 is not None
-        return inputs.swing_m_s2[:, int(by_load)]
+        return inputs.swing_m_s2 * inputs.relative_load if by_load else inputs.swing_m_s2
 
     return Nuisance(
         term_name,
         "kg",
-        select_column,
+        make_column,
         lambda motion, _: LIMITS.swinging_mass_prior_share * motion.approximate_mass_kg,
         "a mass that swings relative to the machine: a hanging load, a liquid, a mast",
         "starts without jerks; pauses until nothing swings",
@@ -70,7 +71,7 @@ class SwingingMass:
         damping_1: damping ratio.
         growth_1: relative growth of the mass on one spring over that of the machine's mass; 0 for a
             frequency that does not depend on the load, as that of a pendulum.
-        restarts: whether the mass hangs still when a manoeuvre begins, as after a change of load.
+        restarts: whether the mass hangs still after each stop, as after a change of load.
         loads: relative masses of the manoeuvres.
         mass_kg: swinging mass at the mean load.
     """
@@ -83,17 +84,16 @@ class SwingingMass:
     mass_kg: float = 0.0
 
     def add_swing_to_motion(self, motion: MotionSamples) -> MotionSamples:
-        """Copy of the motion with the swing, and with its product by the relative load."""
-        load = self.loads.look_up_relative_loads(motion.manoeuvre_of_sample)
-        swing_m_s2 = self.compute_relative_acceleration_m_s2(motion)
-        return replace(motion, swing_m_s2=np.column_stack([swing_m_s2, swing_m_s2 * load]))
+        """Copy of the motion with the swing."""
+        return replace(motion, swing_m_s2=self.compute_relative_acceleration_m_s2(motion))
 
     def compute_relative_acceleration_m_s2(self, motion: MotionSamples) -> Floats:
         """Acceleration y'' of the mass relative to the machine, (n,) in m/s²."""
         load = self.loads.look_up_relative_loads(motion.manoeuvre_of_sample)
         mass_ratio = (1.0 + self.growth_1 * load).clip(*LIMITS.swinging_mass_ratios)
         omega_1_s = 2.0 * np.pi * self.frequency_hz / np.sqrt(mass_ratio)
-        number = motion.manoeuvre_of_sample
+        stops = motion.earlier_stop_count
+        number = motion.manoeuvre_of_sample if stops is None else stops
         is_still = (np.diff(number, prepend=number[:1]) != 0) & self.restarts
         return integrate_relative_acceleration_m_s2(
             motion.acceleration, omega_1_s, self.damping_1, is_still, motion.rate_hz
@@ -104,8 +104,14 @@ def subtract_swing_force(motion: MotionSamples, fit: JointFit) -> MotionSamples:
     """Copy of the motion without the force of the swinging mass of a fit, if it has one."""
     if motion.swing_m_s2 is None:
         return motion
-    masses_kg = np.array([fit.estimate_of_term(term.name) for term in SWINGING_MASS])
-    return replace(motion, force=motion.force - motion.swing_m_s2 @ masses_kg)
+    common_kg, by_load_kg = (fit.estimate_of_term(term.name) for term in SWINGING_MASS)
+    loads = fit.previous_estimates.relative_loads
+    load = 0.0 if loads is None else loads.look_up_relative_loads(motion.manoeuvre_of_sample)
+    swing_N = (common_kg + by_load_kg * load) * motion.swing_m_s2
+    if fit.is_force_advanced_by_lag:  # the measured force is late
+        delay_rows = fit.force_delay_s * motion.rate_hz
+        swing_N = advance_signal_by_delay(swing_N, motion.stretch_of_sample, -delay_rows)
+    return replace(motion, force=motion.force - swing_N)
 
 
 @compiled_unless_short_log
@@ -161,21 +167,28 @@ def find_swinging_mass(motion: MotionSamples) -> SwingingMass | None:
     most, hz, restarts = max(tried, default=(0.0, 0.0, False))
     ratio = LIMITS.swing_peak_ratio
     away = [share for share, other, _ in tried if not hz / ratio < other < hz * ratio]
-    if most < max(LIMITS.swing_min_share, LIMITS.swing_min_peak_ratio * max(away, default=0.0)):
+    if len(away) < LIMITS.swing_min_rivals:  # too slow a grid, or too short drives
+        return None
+    if most < max(LIMITS.swing_min_share, LIMITS.swing_min_peak_ratio * max(away)):
         return None
     # longer rows have less noise of the acceleration, and hold all of a slow swing
     rows = _ResidualRows.from_motion(motion, LIMITS.swing_row_periods / hz) or rows
-    found, fitted = rows.refine_swinging_mass(rows.make_swinging_mass(hz, restarts))
-    for _ in range(LIMITS.swing_rounds):
-        # the swing has hidden the loads on which its frequency depends
-        rows = rows.copy_with_loads_beside_swing(fitted.force_N)
-        found, fitted = rows.refine_swinging_mass(replace(found, loads=rows.loads))
-    # what decays at once, or never, is another force
-    least, most = LIMITS.swing_damping_range_1
-    margin = 1.0 + LIMITS.swing_difference_step
-    is_damped = least * margin < found.damping_1 < most / margin
+    between_hz = max(hz / ratio, lowest_hz), hz * ratio
+    found, fitted = rows.refine_swinging_mass(rows.make_swinging_mass(hz, restarts), between_hz)
+    # the swing has hidden the loads on which its frequency depends
+    rows = rows.copy_with_loads_beside_swing(fitted.force_N)
+    found, _ = rows.refine_swinging_mass(replace(found, loads=rows.loads), between_hz)
+    # what decays at once, or never, or has the frequency of a bound, is another force
+    is_inside = _is_well_between(found.damping_1, LIMITS.swing_damping_range_1)
+    is_inside &= _is_well_between(found.frequency_hz, between_hz)
     least_kg = LIMITS.swinging_mass_min_share * motion.approximate_mass_kg
-    return found if is_damped and found.mass_kg > least_kg else None
+    return found if is_inside and found.mass_kg > least_kg else None
+
+
+def _is_well_between(value: float, bounds: tuple[float, float]) -> bool:
+    """Whether a value is not at its bounds."""
+    margin = 1.0 + LIMITS.swing_difference_step
+    return bounds[0] * margin < value < bounds[1] / margin
 
 
 @dataclass(frozen=True)
@@ -210,10 +223,13 @@ class _ResidualRows:
         block = count_rows_in_duration(row_s, motion.rate_hz)
         sample = list_indices_of_samples_in_whole_blocks(motion.stretch_of_sample, block)
         sample = sample[: LIMITS.swing_max_rows * block].reshape(-1, block)
+        number, acceleration = motion.manoeuvre_of_sample, motion.acceleration
+        accelerates = np.unique(number[sample[acceleration[sample].mean(axis=1) != 0.0, 0]])
+        sample = sample[np.isin(number[sample[:, 0]], accelerates)]
         if not sample.size:
             return None
         motion = motion.cut_to_first_stretches(int(motion.stretch_of_sample[sample[-1, 0]]) + 1)
-        ids, manoeuvre = np.unique(motion.manoeuvre_of_sample[sample[:, 0]], return_inverse=True)
+        ids, manoeuvre = np.unique(number[sample[:, 0]], return_inverse=True)
         if ids.size < LIMITS.swing_min_manoeuvres:
             return None
         jerk, bend = differentiate_means_twice(motion.acceleration, block, motion.rate_hz)
@@ -226,16 +242,17 @@ class _ResidualRows:
         ground = travelled_m, travelled_m**2, one_way * travelled_m, one_way * travelled_m**2
         terms = [speed, constant, one_way, drag, jerk, bend, *ground]
         loads = RelativeLoads.from_masses(ids, np.ones(ids.size), (0.0, 0.0))
-        if loads is None or not (np.bincount(manoeuvre, acceleration**2) > 0.0).all():
-            return None
+        assert loads is not None
         scaled = np.column_stack([x / max(np.linalg.norm(x), np.finfo(float).tiny) for x in terms])
         nothing = np.empty((speed.size, 0))
         rows = cls(motion, sample, manoeuvre, acceleration, force, scaled, nothing, force, loads)
-        known = np.linalg.qr(np.column_stack([rows.subtract_masses(x) for x in scaled.T]))[0]
-        rows = replace(rows, known=known)
-        rows = replace(rows, residual_N=rows.subtract_known(force))
-        if not rows.residual_N.any():  # the force is 0, or the terms explain all of it
-            return None
+        free = np.column_stack([rows.subtract_masses(x) for x in scaled.T])
+        basis, sizes, _ = np.linalg.svd(free, full_matrices=False)
+        rows = replace(rows, known=basis[:, sizes > LIMITS.swing_rounding_1 * sizes[0]])
+        residual_N = rows.subtract_known(force)
+        if not np.linalg.norm(residual_N) > LIMITS.swing_rounding_1 * np.linalg.norm(force):
+            return None  # the terms explain all of it
+        rows = replace(rows, residual_N=residual_N)
         return rows.copy_with_loads_beside_swing(np.zeros(speed.size))
 
     @property
@@ -285,7 +302,9 @@ class _ResidualRows:
         masses_kg = np.linalg.lstsq(free, self.residual_N, rcond=None)[0].astype(np.float64)
         return _FittedSwing(masses_kg, columns @ masses_kg, free @ masses_kg)
 
-    def refine_swinging_mass(self, start: SwingingMass) -> tuple[SwingingMass, "_FittedSwing"]:
+    def refine_swinging_mass(
+        self, start: SwingingMass, between_hz: tuple[float, float]
+    ) -> tuple[SwingingMass, "_FittedSwing"]:
         """Refine frequency, damping and growth; the swinging mass, and its force."""
         from scipy.optimize import least_squares
 
@@ -294,13 +313,16 @@ class _ResidualRows:
             growth_1 = float(logs_and_growth[2])
             return replace(start, frequency_hz=hz, damping_1=damping_1, growth_1=growth_1)
 
-        middle, width = np.log(start.frequency_hz), np.log(LIMITS.swing_peak_ratio)
-        lightest, heaviest = np.log(LIMITS.swing_damping_range_1).tolist()
-        least, most = LIMITS.swinging_mass_growth_range_1
+        slowest, fastest = np.log(between_hz).tolist()
+        least_damping, most_damping = np.log(LIMITS.swing_damping_range_1).tolist()
+        least_growth, most_growth = LIMITS.swinging_mass_growth_range_1
         solved = least_squares(
             lambda x: self.residual_N - self.fit_swing(make_from_logs(x)).unknown_N,
-            np.array([middle, np.log(start.damping_1), start.growth_1]),
-            bounds=([middle - width, lightest, least], [middle + width, heaviest, most]),
+            np.array([np.log(start.frequency_hz), np.log(start.damping_1), start.growth_1]),
+            bounds=(
+                [slowest, least_damping, least_growth],
+                [fastest, most_damping, most_growth],
+            ),
             x_scale=LIMITS.swing_refining_steps,
             diff_step=np.full(3, LIMITS.swing_difference_step),
         )

@@ -282,7 +282,8 @@ def _weigh_with_priors(
         grown = tuple(better.get(each.manoeuvre_id, each) for each in grown)
     fit = refit_short_log_with_ground(fit, columns, priors, repeatability_kg)
     braking_kg, left_out = float("nan"), False
-    if not settings.gate.exclude_braking:
+    # starts alone do not separate a swinging mass from the mass
+    if not settings.gate.exclude_braking and source.swinging_mass is None:
         driving = _exclude_manoeuvres(source.select_motion(includes_braking=False), excluded)
         if _has_enough_samples(driving):
             fitted = JointFitInputs.prepare_from_motion(driving, columns, priors, fit)
@@ -362,7 +363,7 @@ def _fit_and_choose_where_loads_change(
     fit = fit_load_states(whole)
     is_one = fit.mass_count == 1 and not whole.has_single_load
     if is_one and (slow := mark_slow_parts_of_drives(whole.speed, source.stops)).any():
-        on_the_move = replace(source, slow=slow)
+        on_the_move = replace(source, slow=slow, swinging_mass=None)
         moving = on_the_move.select_motion(includes_braking=True)
         if _has_enough_samples(moving):
             tried = fit_load_states(moving)

@@ -184,8 +184,8 @@ class WeighingLimits:
     swing_refining_steps: tuple[float, float, float] = (0.05, 0.3, 0.2)
     #: and relative step of their differences.
     swing_difference_step: float = 1e-3
-    #: Rounds of refining them with the loads that they change.
-    swing_rounds: int = 1
+    #: Share of a column's size below which what is left is rounding.
+    swing_rounding_1: float = 1e-9
     #: Fewest periods of a drive, or a change of the ground looks like a swing,
     swing_min_periods: float = 2.0
     #: and fewest samples of a period.
@@ -197,15 +197,18 @@ class WeighingLimits:
     #: Duration of a row by which they are refined, in periods: in shorter ones the noise of the
     #: acceleration made the damping a third too large.
     swing_row_periods: float = 0.1
-    #: Frequencies within this ratio are one peak.
+    #: Frequencies within this ratio are one peak, within which it is refined,
     swing_peak_ratio: float = 1.6
+    #: and fewest shares of other frequencies that show whether it is one: a recurring step of the
+    #: force looked like a swing in half of the logs of 2 Hz, in which there are none.
+    swing_min_rivals: int = 12
     #: Least share of the residual's squares that a swinging mass explains at its peak (liquids,
     #: masts and trailers 0.33 to 0.66, other machines 0.003 to 0.15), and the ratio of that share
     #: to those of other frequencies (9 to 100, other machines 1.1 to 4).
     swing_min_share: float = 0.1
     swing_min_peak_ratio: float = 5.0
-    #: Least swinging mass over the machine's.
-    swinging_mass_min_share: float = 0.01
+    #: Least swinging mass over the machine's: a recurring step of the force had 0.013.
+    swinging_mass_min_share: float = 0.02
 
     # log_effects
     #: Prior probability that a log has an effect.

@@ -293,14 +293,14 @@ def test_two_excluded_hauls_with_no_weighed_drive_between_them_are_two_cycles() 
     assert [part.loaded_pass is None for part in parts] == [True] * 2 + [False] * (len(LOADS) - 2)
 
 
-def test_every_second_haul_that_is_excluded_is_a_cycle() -> None:
+@pytest.mark.parametrize("starts_s", [(50.0,), (50.0, 55.0, 60.0), (50.0, 55.0, 60.0, 65.0)])
+def test_every_second_haul_that_is_excluded_is_a_cycle(starts_s: tuple[float, ...]) -> None:
     """A crane had 5 of 10 loads and not a word of the others: its hauls were two cycles apart."""
     unseen = tuple(range(1, len(LOADS) - 1, 2))
     frames = drawn_shift(LOADS, digs=False, unseen=unseen)
     t_ns = frames["excitation"]["t_ns"].to_numpy()
-    spans = np.searchsorted(
-        t_ns, [((100.0 * k + 50.0) * NS, (100.0 * k + 58.0) * NS) for k in unseen]
-    )
+    begins_s = [100.0 * haul + start for haul in unseen for start in starts_s]
+    spans = np.searchsorted(t_ns, [(begin * NS, (begin + 4.0) * NS) for begin in begins_s])
     excluded = [
         LoadChangeInMotion(0, int(first), int(last), 4300.0, 500.0, 80.0) for first, last in spans
     ]

@@ -9,7 +9,7 @@ from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.column_inputs import ColumnInputs
 from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.motion_samples import MotionSamples
-from analysis.weighing.uneven_ground import GROUND, does_load_search_include_ground
+from analysis.weighing.uneven_ground import GRADE, GROUND, does_load_search_include_ground
 
 SAMPLES = 200
 PLACES_M = np.linspace(0.0, 80.0, SAMPLES)
@@ -106,3 +106,27 @@ def test_the_route_has_an_edge_wherever_it_is_for_all_loads_and_in_proportion_to
     np.testing.assert_allclose(
         np.sum([term.column(heavier) for term in parts], axis=0), 1.3 * whole
     )
+
+
+def grade(m: ColumnInputs) -> np.ndarray:
+    """Of the grade's terms whose parameters are 1 N."""
+    return np.sum([term.column(m) for term in GRADE], axis=0)
+
+
+def test_a_grade_has_the_other_sign_on_the_way_back_and_is_in_proportion_to_the_weight():
+    away = np.ones(SAMPLES)
+    there, back = (replace(moments(), heading_from_dump=sign * away) for sign in (-1.0, 1.0))
+    np.testing.assert_allclose(grade(there), -grade(back))
+    heavier = replace(back, relative_load=np.full(SAMPLES, 0.3))
+    np.testing.assert_allclose(grade(heavier), 1.3 * grade(back))
+    # at the dump 1 N, and 40 m farther all its changes
+    assert grade(back)[-1] == pytest.approx(1.0)
+    assert grade(back)[0] == pytest.approx(1.0 + len(GRADE[1:]) * np.sqrt(40.0 / 24.0 / 10.0))
+
+
+def test_there_is_no_grade_without_a_route_or_where_gravity_is_measured_or_nothing_reverses():
+    assert not grade(moments()).any()
+    assert all(term.applies(motion(2)) for term in GRADE)
+    assert not any(term.applies(motion(2, reverse=False)) for term in GRADE)
+    measured = replace(motion(2), has_measured_gravity=True)
+    assert not any(term.applies(measured) for term in GRADE)
