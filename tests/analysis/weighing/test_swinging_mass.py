@@ -1,6 +1,7 @@
 """A mass that swings relative to the machine is found, modelled and named; a rigid one is not."""
 
 import re
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -12,7 +13,11 @@ from scipy.signal import StateSpace, lsim
 
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
-from analysis.weighing.swinging_mass import integrate_relative_acceleration_m_s2
+from analysis.weighing.motion_samples import MotionSamples
+from analysis.weighing.swinging_mass import (
+    find_swinging_mass,
+    integrate_relative_acceleration_m_s2,
+)
 from replay import open_log, run
 from replay.logs import TimeAxis
 from tests.twins import mark_heavy_after
@@ -156,7 +161,8 @@ def test_loads_of_a_machine_with_a_part_that_swings_are_weighed(
     assert np.median(u_kg / true_kg) < 0.1
 
 
-@pytest.mark.parametrize("name", mark_heavy_after(1, list(MACHINES)))
+@pytest.mark.heavy
+@pytest.mark.parametrize("name", list(MACHINES))
 def test_the_finding_names_the_mass_that_swings_and_its_frequency(tmp_path: Path, name: str):
     machine = MACHINES[name]
     evidence = get_evidence_of_resonance(weigh_log(tmp_path, 1, machine))
@@ -170,7 +176,8 @@ def test_the_finding_names_the_mass_that_swings_and_its_frequency(tmp_path: Path
         assert float(found[2]) == pytest.approx(machine.hz, rel=0.02)
 
 
-@pytest.mark.parametrize("name", mark_heavy_after(1, list(MACHINES)))
+@pytest.mark.heavy
+@pytest.mark.parametrize("name", list(MACHINES))
 def test_a_rigid_machine_has_no_mass_that_swings(tmp_path: Path, name: str):
     replayed = weigh_log(tmp_path, 1, MACHINES[name], rigid=True)
     assert get_evidence_of_resonance(replayed) is None
@@ -194,3 +201,34 @@ def test_a_sprung_mass_moves_as_its_equation_says():
     )
     np.testing.assert_array_equal(halted[:1000], found[:1000])
     assert not halted[1000:].any()
+
+
+def drives_with_steps(rate_hz: float, drive_s: float, seed: int) -> MotionSamples:
+    """Twelve drives to and fro of a rigid 10 t, with 500 N more from the middle of each on."""
+    dice = np.random.default_rng(seed)
+    speeds: list[np.ndarray] = []
+    stretches: list[np.ndarray] = []
+    for number in range(12):
+        t = np.arange(round(drive_s * dice.uniform(0.8, 1.2) * rate_hz)) / rate_hz
+        speed = dice.uniform(1.0, 2.0) * (1.0 - np.exp(-4.0 * t / drive_s))
+        stand = np.zeros(round(6.0 * rate_hz))
+        speeds += [speed if number % 2 == 0 else -speed, stand]
+        stretches += [np.full(t.size, number), np.full(stand.size, -1)]
+    speed, stretch = np.concatenate(speeds), np.concatenate(stretches)
+    way, nothing = np.sign(speed), np.zeros(speed.size)
+    number = np.maximum.accumulate(stretch)
+    acceleration = np.where(stretch >= 0, np.gradient(speed) * rate_hz, 0.0)
+    motion = MotionSamples(
+        acceleration, speed, nothing, stretch, way, number, rate_hz, None, None, None,
+        np.linspace(-0.5, 0.5, speed.size), np.cumsum(np.abs(speed)) / rate_hz, nothing, 50.0,
+        False, 1.0, 1e5,
+    )  # fmt: skip
+    late = motion.index_in_stretch / rate_hz > 0.5 * drive_s
+    force = 10_000.0 * acceleration + way * (1000.0 + 500.0 * late)
+    return replace(motion, force=force + dice.normal(0.0, 60.0, speed.size))
+
+
+@pytest.mark.parametrize(("rate_hz", "drive_s"), [(50.0, 5.0), (5.0, 5.0), (2.0, 12.0)])
+def test_a_force_that_steps_in_every_drive_is_no_swing(rate_hz: float, drive_s: float):
+    found = [find_swinging_mass(drives_with_steps(rate_hz, drive_s, seed)) for seed in range(4)]
+    assert found == [None] * 4
