@@ -105,10 +105,10 @@ class CycleLimits:
     single_load_std_fraction: float = 0.5
     #: Relative deviation from the median within which an interval of dumps is one cycle,
     rhythm_tolerance: float = 0.25
-    #: and that of the interval of hauls below which two starts are of one haul,
-    one_haul_cycles: float = 0.25
     #: and fraction of such intervals that is a rhythm.
     rhythm_min_fraction: float = 0.6
+    #: Interval of two starts below which they are of one haul, over the median one of hauls.
+    one_haul_cycles: float = 0.25
     #: Fewest dumps that have a rhythm.
     rhythm_min_dumps: int = 6
     #: Fraction of the counted cycles with digging from which digging is a witness.

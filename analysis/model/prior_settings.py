@@ -98,8 +98,8 @@ class PriorSettings(BaseModel):
     grade_change_share: float = Field(
         0.002,
         gt=0,
-        description="prior of the change of the grade over ten metres of that route, without an "
-        "accelerometer that measures it, likewise",
+        description="prior of the change of the grade over ten metres of that route, where neither "
+        "accelerometer nor pitch measures it, likewise",
     )
     viscous_drift_share: float = Field(
         0.1,

@@ -26,6 +26,7 @@ from analysis.weighing.nuisances import (
     Nuisance,
 )
 from analysis.weighing.weighing_limits import LIMITS
+from estimators.numerics.group_sums import fit_slope_of_each_group
 
 _LINEAR: Final = "a force sensor that is linear over its range; its calibration curve"
 _AT_ALL_SPEEDS: Final = (
@@ -321,12 +322,10 @@ def _compute_instrumented_ratio(missing_term: MissingTerm, base: JointFit, rows:
     if base.states is not None and base.mass_count > 1:
         intercepts = base.states.assign_random_intercepts_to_stretches(base.motion)
         level = intercepts.membership[base.solution.group[used]]
-    square = np.bincount(level, acceleration**2)
 
     def subtract_mass(x: Floats) -> Floats:
         # level by level, since a shift has hundreds of loads (Frisch, Waugh and Lovell)
-        mass = np.bincount(level, acceleration * x) / np.where(square > 0.0, square, 1.0)
-        return x - acceleration * mass[level]
+        return x - acceleration * fit_slope_of_each_group(acceleration, level, x)[level]
 
     known = np.column_stack(
         [subtract_mass(x) for x in rows.A[:, [1, *(2 + n for n in friction)]][used].T]

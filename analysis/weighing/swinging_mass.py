@@ -28,6 +28,7 @@ from analysis.weighing.nuisances import Nuisance
 from analysis.weighing.stretch_means import list_indices_of_samples_in_whole_blocks
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.interpreted import compiled_unless_short_log
+from estimators.numerics.group_sums import fit_slope_of_each_group
 
 #: Name of the budget entry of all terms.
 BY_SWING: Final = "swing"
@@ -267,8 +268,7 @@ class _ResidualRows:
 
     def fit_masses_kg(self, force: Floats) -> Floats:
         """Mass of each manoeuvre, (manoeuvres,) in kg, that explains a force alone."""
-        square = np.bincount(self.manoeuvre, self.acceleration**2)
-        return np.bincount(self.manoeuvre, self.acceleration * force) / square
+        return fit_slope_of_each_group(self.acceleration, self.manoeuvre, force)
 
     def subtract_known(self, column: Floats) -> Floats:
         """Subtract masses and known terms from a column."""

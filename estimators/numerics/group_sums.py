@@ -214,3 +214,15 @@ def convert_consecutive_rows_to_slice(rows: Ints) -> slice | Ints:
     """Rows as a slice if consecutive, so that indexing makes no copy."""
     first, last = int(rows[0]), int(rows[-1]) + 1
     return slice(first, last) if last - first == rows.size else rows
+
+
+def fit_slope_of_each_group(regressor: Floats, group: Ints, response: Floats) -> Floats:
+    """Slope through the origin of each group, (groups,); 0 where its regressor is 0.
+
+    Args:
+        regressor: (n,) the regressor.
+        group: (n,) group of each sample, from 0.
+        response: (n,) the quantity to be explained.
+    """
+    square = np.bincount(group, regressor**2)
+    return np.bincount(group, regressor * response) / np.where(square > 0.0, square, 1.0)
