@@ -13,9 +13,10 @@ from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.growing_load import look_up_load_states
 from analysis.weighing.joint_fit import JointFitInputs, fit_jointly
 from analysis.weighing.joint_result import JointFit
-from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples
+from analysis.weighing.motion_samples import ColumnNoiseModel, Floats
 from analysis.weighing.stretch_means import list_indices_of_samples_in_whole_blocks
 from analysis.weighing.weighing_limits import LIMITS
+from analysis.weighing.wheel_kinematics import differentiate_wheel_speed
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +85,7 @@ def refit_with_acceleration_of_other_sensor(
     if motion.specific_force is None:
         return None
     by_wheels = motion.by_accelerometer
-    acceleration = _differentiate_wheel_speed(motion) if by_wheels else motion.specific_force
+    acceleration = differentiate_wheel_speed(motion) if by_wheels else motion.specific_force
     other = replace(
         motion,
         acceleration=acceleration,
@@ -138,14 +139,6 @@ def compare_residual_forces(
         change_std_m_s2 = np.sqrt(2.0 * speed_variance) * motion.rate_hz / size
         left[0] += float(np.mean((mass_kg * change_std_m_s2) ** 2))
     return float(np.sqrt(left[1] / left[0])) if left[0] > 0.0 else 1.0
-
-
-def _differentiate_wheel_speed(motion: MotionSamples) -> Floats:
-    """Acceleration from the wheels, with gravity by the pitch if measured, (n,) in m/s²."""
-    rate_m_s2 = np.gradient(motion.speed) * motion.rate_hz
-    if motion.specific_force is None or motion.without_gravity is None:
-        return rate_m_s2
-    return rate_m_s2 + (motion.specific_force - motion.without_gravity)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ Mechanical Vibrations, chapter 3, for springs). Frequency and damping are those 
 residual of the force; the masses are parameters of the joint fit.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Final, NamedTuple, Self
@@ -27,6 +28,7 @@ from analysis.weighing.motion_samples import Bools, Floats, Ints, MotionSamples
 from analysis.weighing.nuisances import Nuisance
 from analysis.weighing.stretch_means import list_indices_of_samples_in_whole_blocks
 from analysis.weighing.weighing_limits import LIMITS
+from analysis.weighing.wheel_kinematics import differentiate_wheel_speed
 from estimators.interpreted import compiled_unless_short_log
 from estimators.numerics.group_sums import fit_slope_of_each_group
 
@@ -151,39 +153,43 @@ def integrate_relative_acceleration_m_s2(
 def find_swinging_mass(motion: MotionSamples) -> SwingingMass | None:
     """Find a mass whose swinging explains the force; None if the log does not show one.
 
-    An accelerometer may sit on the swinging mass itself, so that only logs without one are tested.
+    The wheels move with the machine, while an accelerometer may sit on a part that swings.
     """
     if motion.by_accelerometer:
-        return None
+        motion = replace(motion, acceleration=differentiate_wheel_speed(motion))
     rows = _ResidualRows.from_motion(motion, LIMITS.swing_row_s)
     if rows is None:
         return None
     lowest_hz = LIMITS.swing_min_periods / rows.typical_drive_s
     highest_hz = motion.rate_hz / LIMITS.swing_min_samples_per_period
-    tried = [
-        (rows.compute_share_explained_by_swing(hz, restarts), hz, restarts)
-        for hz, restarts in product(LIMITS.swing_frequencies_hz, (False, True))
-        if lowest_hz <= hz <= highest_hz
-    ]
-    most, hz, restarts = max(tried, default=(0.0, 0.0, False))
+    tried_hz = [hz for hz in LIMITS.swing_frequencies_hz if lowest_hz <= hz <= highest_hz]
+    most, hz, restarts = rows.find_largest_explained_share(tried_hz)
     ratio = LIMITS.swing_peak_ratio
-    away = [share for share, other, _ in tried if not hz / ratio < other < hz * ratio]
-    if len(away) < LIMITS.swing_min_rivals:  # too slow a grid, or too short drives
-        return None
-    if most < max(LIMITS.swing_min_share, LIMITS.swing_min_peak_ratio * max(away)):
+    between_hz = max(hz / ratio, lowest_hz), hz * ratio
+    rivals = [other_hz for other_hz in tried_hz if not hz / ratio < other_hz < hz * ratio]
+    # too slow a grid, or too short drives, have few
+    if most < LIMITS.swing_min_share or len(rivals) < LIMITS.swing_min_rivals:
         return None
     # longer rows have less noise of the acceleration, and hold all of a slow swing
-    rows = _ResidualRows.from_motion(motion, LIMITS.swing_row_periods / hz) or rows
-    between_hz = max(hz / ratio, lowest_hz), hz * ratio
-    found, fitted = rows.refine_swinging_mass(rows.make_swinging_mass(hz, restarts), between_hz)
+    longer = _ResidualRows.from_motion(motion, LIMITS.swing_row_periods / hz) or rows
+    found, fitted = longer.refine_swinging_mass(longer.make_swinging_mass(hz, restarts), between_hz)
     # the swing has hidden the loads on which its frequency depends
-    rows = rows.copy_with_loads_beside_swing(fitted.force_N)
-    found, _ = rows.refine_swinging_mass(replace(found, loads=rows.loads), between_hz)
+    longer = longer.copy_with_loads_beside_swing(fitted.force_N)
+    found, _ = longer.refine_swinging_mass(replace(found, loads=longer.loads), between_hz)
     # what decays at once, or never, or has the frequency of a bound, is another force
     is_inside = _is_well_between(found.damping_1, LIMITS.swing_damping_range_1)
     is_inside &= _is_well_between(found.frequency_hz, between_hz)
-    least_kg = LIMITS.swinging_mass_min_share * motion.approximate_mass_kg
-    return found if is_inside and found.mass_kg > least_kg else None
+    if not is_inside or found.mass_kg < LIMITS.swinging_mass_min_share * motion.approximate_mass_kg:
+        return None
+    # what recurs at one time of every drive, such as a change of gear, depends on no acceleration
+    explained = 1.0 - longer.copy_without_swing(found).residual_square / longer.residual_square
+    if explained < longer.compute_share_explained_by_time_in_drive(LIMITS.swing_time_periods / hz):
+        return None
+    # a mass with another frequency explains little of what a mass that swings leaves
+    rest = rows.copy_without_swing(found)
+    left = rest.residual_square / rows.residual_square
+    other, _, _ = rest.find_largest_explained_share(tried_hz)
+    return found if 1.0 - left >= LIMITS.swing_min_share_ratio * left * other else None
 
 
 def _is_well_between(value: float, bounds: tuple[float, float]) -> bool:
@@ -288,11 +294,40 @@ class _ResidualRows:
         """A mass with the damping of the search, whose frequency does not depend on the load."""
         return SwingingMass(frequency_hz, LIMITS.swing_damping_1, 0.0, restarts, self.loads)
 
-    def compute_share_explained_by_swing(self, frequency_hz: float, restarts: bool) -> float:
-        """Share of the residual's squares that a mass with this frequency explains."""
-        mass = self.make_swinging_mass(frequency_hz, restarts)
-        left_N = self.residual_N - self.fit_swing(mass).unknown_N
-        return 1.0 - float(left_N @ left_N) / float(self.residual_N @ self.residual_N)
+    @property
+    def residual_square(self) -> float:
+        """Sum of the residual's squares, in N²."""
+        return float(self.residual_N @ self.residual_N)
+
+    def copy_without_swing(self, mass: SwingingMass) -> Self:
+        """Copy whose residual is without what a mass explains."""
+        return replace(self, residual_N=self.residual_N - self.fit_swing(mass).unknown_N)
+
+    def find_largest_explained_share(
+        self, frequencies_hz: Sequence[float]
+    ) -> tuple[float, float, bool]:
+        """Find the mass that explains the largest share of the residual's squares.
+
+        Returns:
+            The share, the frequency in Hz, and whether the mass hangs still after each stop.
+        """
+        left: list[tuple[float, float, bool]] = []
+        for hz, restarts in product(frequencies_hz, (True, False)):
+            mass = self.make_swinging_mass(hz, restarts)
+            left.append((self.copy_without_swing(mass).residual_square, hz, restarts))
+        least, hz, restarts = min(left, default=(self.residual_square, 0.0, False))
+        return 1.0 - least / self.residual_square, hz, restarts
+
+    def compute_share_explained_by_time_in_drive(self, step_s: float) -> float:
+        """Share of the residual's squares that a force by time in the drive and way explains."""
+        first_sample = self.sample[:, 0]
+        begin = np.full(self.loads.manoeuvre_ids.size, first_sample[-1])
+        np.minimum.at(begin, self.manoeuvre, first_sample)
+        step = (first_sample - begin[self.manoeuvre]) / (step_s * self.motion.rate_hz)
+        forwards = self.motion.direction[first_sample] > 0.0
+        _, group = np.unique(2 * step.astype(np.int64) + forwards, return_inverse=True)
+        mean_N = np.bincount(group, self.residual_N) / np.bincount(group)
+        return float(mean_N[group] @ self.residual_N) / self.residual_square
 
     def fit_swing(self, mass: SwingingMass) -> "_FittedSwing":
         """Fit the swinging mass at the mean load, and its growth with the relative load."""

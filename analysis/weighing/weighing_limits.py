@@ -34,6 +34,9 @@ class WeighingLimits:
     force_rate_min_std: float = 4.0
     #: Half widths, in s, of the parabolas that give it, beside that of one row.
     force_rate_half_widths_s: tuple[float, ...] = (0.04, 0.06, 0.1, 0.16)
+    #: Half width in s of the two parabolas of its second derivative: a belt of 20 Hz needs a
+    #: short one, and its noise is corrected for.
+    force_bend_half_width_s: float = 0.01
     #: Standard deviations within which two parabolas agree: with 3 and more the wide ones blur the
     #: cut of a throttle, and of slip by 2 % less than a quarter was found in a noisy force.
     force_rate_agreement_std: float = 2.0
@@ -120,6 +123,11 @@ class WeighingLimits:
     missing_term_min_relative_effect: float = 0.5
     #: Estimate of a gain by fitted over measured force (ten cars 0.7 to 1.2, grades -0.9 to 0.3),
     min_instrumented_ratio: float = 0.5
+    #: the one from which it is named as a cause (a low gear 0.63 and more, washboards up to 0.6),
+    nameable_instrumented_ratio: float = 0.62
+    #: the largest error of a sensor at the largest force, over that force, that is (tyres out of
+    #: round and gusts looked like 0.4 to 1),
+    max_saturation_1: float = 0.25
     #: and the largest ratio of these forces.
     max_fitted_over_measured_force: float = 3.0
     #: Widths of a gain at low speed, and steps of a gain, as fractions of the largest speed.
@@ -199,14 +207,16 @@ class WeighingLimits:
     swing_row_periods: float = 0.1
     #: Frequencies within this ratio are one peak, within which it is refined,
     swing_peak_ratio: float = 1.6
-    #: and fewest shares of other frequencies that show whether it is one: a recurring step of the
-    #: force looked like a swing in half of the logs of 2 Hz, in which there are none.
-    swing_min_rivals: int = 12
-    #: Least share of the residual's squares that a swinging mass explains at its peak (liquids,
-    #: masts and trailers 0.33 to 0.66, other machines 0.003 to 0.15), and the ratio of that share
-    #: to those of other frequencies (9 to 100, other machines 1.1 to 4).
+    #: and fewest other frequencies that show whether it is one: a recurring step of the force
+    #: looked like a swing in half of the logs of 2 Hz, in which there are none.
+    swing_min_rivals: int = 6
+    #: Least share of the residual's squares that a swinging mass explains in the search,
     swing_min_share: float = 0.1
-    swing_min_peak_ratio: float = 5.0
+    #: and ratio of the share that it explains when refined to what any frequency explains of the
+    #: rest: 7.6 to 800 of liquids, masts, trailers and trains, 0.1 to 4.9 of other machines.
+    swing_min_share_ratio: float = 6.0
+    #: Time in a drive, in periods, in which a force that recurs in every drive is constant.
+    swing_time_periods: float = 0.125
     #: Least swinging mass over the machine's: a recurring step of the force had 0.013.
     swinging_mass_min_share: float = 0.02
 

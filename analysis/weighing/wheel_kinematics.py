@@ -7,7 +7,7 @@ import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.body_swing import NO_SWING, BodySwing
-from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, Ints
+from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, Ints, MotionSamples
 from analysis.weighing.stretch_means import EVERY, MEAN
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.numerics.fit_loss import list_rows_by_group
@@ -160,3 +160,11 @@ def compute_parameter_std_bounds_by_noise(
     covariance = bread @ (scores / variance**2 + prior) @ bread
     # rounding may make a tiny variance negative
     return np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale
+
+
+def differentiate_wheel_speed(motion: MotionSamples) -> Floats:
+    """Acceleration from the wheels, with gravity by the pitch if measured, (n,) in m/s²."""
+    rate_m_s2 = np.gradient(motion.speed) * motion.rate_hz
+    if motion.specific_force is None or motion.without_gravity is None:
+        return rate_m_s2
+    return rate_m_s2 + (motion.specific_force - motion.without_gravity)
