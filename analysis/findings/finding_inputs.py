@@ -90,7 +90,9 @@ class FindingInputs:
         weighing = self.check_inputs.weighing
         found = () if weighing is None else weighing.missing_terms
         return tuple(
-            each for each in found if each.is_confirmed and abs(each.t) >= LIMITS.named_term_min_std
+            each
+            for each in found
+            if each.is_nameable(found) and abs(each.t) >= LIMITS.named_term_min_std
         )
 
     @cached_property

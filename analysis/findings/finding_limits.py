@@ -6,10 +6,7 @@ from typing import Final
 
 @dataclass(frozen=True)
 class FindingLimits:
-    """Built-in limits of the causes, which no machine file can set.
-
-    One section per file; a comment says what a value limits, in which unit, and how it was chosen.
-    """
+    """Built-in limits of the causes; a comment says what a value limits and how it was chosen."""
 
     # constant_forces
     #: Squared deviations that a further cause must explain.
@@ -88,6 +85,10 @@ class FindingLimits:
     trusted_coulomb_fraction: float = 0.002
     #: nor the measured share of the force to a smaller change, per m/s²,
     trusted_share_change_s2_m: float = 0.01
+    #: nor one larger than with a centre of mass at 0.8 of the wheelbase, half on the driven axle,
+    max_share_change_s2_m: float = 0.17
+    #: nor one that explains less of the residual beyond the noise (swings and gusts 0.03 to 0.13),
+    min_share_change_explained_1: float = 0.15
     #: nor a gain to a smaller drift over a log: friction that warms looks like 0.02.
     trusted_gain_drift_1: float = 0.03
     #: Relative standard uncertainty of an answer from too little excitation.
@@ -265,10 +266,8 @@ class FindingLimits:
     # residual_causes
     #: Samples of a spectrum, half of which the next one shares.
     spectrum_samples: int = 128
-    #: Fewest spectra,
-    min_spectra: int = 6
-    #: and most that are computed.
-    max_spectra: int = 4000
+    #: Fewest spectra, and most that are computed.
+    spectrum_counts: tuple[int, int] = (6, 4000)
     #: Fraction of the spectra that is averaged; the strongest hold stops and knocks.
     averaged_spectra_fraction: float = 0.85
     #: Frequencies of a resonance, in Hz,

@@ -1,6 +1,5 @@
 """Causes found by terms of the joint fit other than mass and friction."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +12,7 @@ from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.likelihood_search import (
     FittedCause,
+    explains_nonlinear_force,
     list_indistinguishable_causes,
     rank_causes_by_likelihood,
 )
@@ -172,7 +172,7 @@ def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
 
 def format_force_and_std(force_N: float, std_N: float, sign: str = "-") -> str:
     """Force and its standard deviation as text, to 1 N or to the first digit of the deviation."""
-    places = max(0, -math.floor(math.log10(std_N))) if 0.0 < std_N < 1.0 else 0
+    places = max(0, -int(np.floor(np.log10(std_N)))) if 0.0 < std_N < 1.0 else 0
     return f"{force_N:{sign}.{places}f} ± {std_N:.{places}f} N"
 
 
@@ -236,7 +236,7 @@ def find_driveline_nonlinearity(inputs: FindingInputs) -> list[Symptom]:
     """Find a force that is nonlinear in the acceleration, by load transfer or drive losses."""
     found = find_gain_drift_if_loads_follow_direction(inputs)
     fitted = rank_causes_by_likelihood(inputs).get("driveline")
-    if fitted is not None:
+    if fitted is not None and explains_nonlinear_force(fitted):
         found.append(
             Symptom(
                 min(

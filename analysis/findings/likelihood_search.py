@@ -53,6 +53,7 @@ class FittedCause:
         std: standard deviation of the value.
         gain: increase of twice the log likelihood.
         rivals: names of causes with nearly the same gain.
+        explained_1: fraction of the force's residual beyond the noise that it explains.
     """
 
     name: str
@@ -60,6 +61,7 @@ class FittedCause:
     std: float
     gain: float
     rivals: tuple[str, ...]
+    explained_1: float = 1.0
 
 
 def rank_causes_by_likelihood(inputs: FindingInputs) -> Mapping[str, FittedCause]:
@@ -103,7 +105,7 @@ def _select_causes_stepwise(inputs: FindingInputs) -> dict[str, FittedCause]:
             name
             for name, fitted_cause in tried.items()
             if best.gain - fitted_cause.gain < choose_indistinguishable_likelihood_gain(best, name)
-            and has_plausible_slip_sign(fitted_cause)
+            and is_physical(fitted_cause)
         }
         if best.name.startswith("delay"):
             begun = motion
@@ -176,23 +178,33 @@ def choose_indistinguishable_likelihood_gain(best_cause: FittedCause, cause_name
 def _choose_most_likely_cause(candidates: Mapping[str, FittedCause]) -> FittedCause:
     """Candidate with the largest gain; among equals, one that is physical and matters."""
     best = max(candidates.values(), key=lambda fitted_cause: fitted_cause.gain)
-    if has_plausible_slip_sign(best) and abs(best.value) >= _LEAST.get(best.name, 0.0):
+    if is_physical(best) and abs(best.value) >= _LEAST.get(best.name, 0.0):
         return best
     others = [
         fitted_cause
         for fitted_cause in candidates.values()
         if best.gain - fitted_cause.gain
         < choose_indistinguishable_likelihood_gain(best, fitted_cause.name)
-        and has_plausible_slip_sign(fitted_cause)
+        and is_physical(fitted_cause)
         and abs(fitted_cause.value) >= _LEAST.get(fitted_cause.name, 0.0)
         and fitted_cause.gain >= LIMITS.picked_gain
     ]
     return max(others, key=lambda fitted_cause: fitted_cause.gain, default=best)
 
 
-def has_plausible_slip_sign(fitted_cause: FittedCause) -> bool:
-    """Whether a slip has a possible sign: driving wheels cannot turn slower than the ground."""
+def is_physical(fitted_cause: FittedCause) -> bool:
+    """Whether the value is possible: driving wheels cannot turn slower than the ground."""
+    if fitted_cause.name == "driveline":
+        return abs(fitted_cause.value) <= LIMITS.max_share_change_s2_m
     return fitted_cause.name != "slip" or fitted_cause.value > 0.0
+
+
+def explains_nonlinear_force(fitted_cause: FittedCause) -> bool:
+    """Whether a share that changes with the acceleration is possible, and more than one of many."""
+    return (
+        is_physical(fitted_cause)
+        and fitted_cause.explained_1 >= LIMITS.min_share_change_explained_1
+    )
 
 
 def _test_delay_beyond_linearisation(
@@ -304,7 +316,9 @@ def score_remaining_causes(
         if not square > 0.0:
             continue
         value = sum(part.get_likelihood_score_left_of_cause(name) for part in parts) / square
-        out[name] = FittedCause(name, value, square**-0.5, value**2 * square, ())
+        explained = value**2 * force.get_information_left_about_cause(name) * force.variance
+        explained_1 = explained / max(force.square_left * force.variance - force.row_count, 1.0)
+        out[name] = FittedCause(name, value, square**-0.5, value**2 * square, (), explained_1)
     return out
 
 

@@ -59,7 +59,7 @@ def _compute_force_residual_spectra(inputs: FindingInputs) -> ResidualSpectra | 
     known = np.isfinite(left)
     driving = compute_power_spectra_of_stretches(left, used & known, 2)
     standing = compute_power_spectra_of_stretches(left, inputs.is_resting_sample & known, 1)
-    if min(len(driving), len(standing)) < LIMITS.min_spectra:
+    if min(len(driving), len(standing)) < LIMITS.spectrum_counts[0]:
         return None
     hz = np.arange(LIMITS.spectrum_samples // 2 + 1) * rate_hz / LIMITS.spectrum_samples
     counts = (len(driving), len(standing))
@@ -103,7 +103,7 @@ def compute_power_spectra_of_stretches(
             part = slice(first, first + LIMITS.spectrum_samples)
             rest = signal[part] - own @ np.linalg.lstsq(own, signal[part], rcond=None)[0]
             out.append(np.abs(np.fft.rfft(rest * window)) ** 2)
-            if len(out) >= LIMITS.max_spectra:
+            if len(out) >= LIMITS.spectrum_counts[1]:
                 return out
     return out
 
@@ -133,8 +133,9 @@ def find_resonance_of_residual(inputs: FindingInputs) -> list[Symptom]:
             Symptom(
                 spring.t / LIMITS.named_term_min_std,
                 f"the mass swings at {1.0 / (2.0 * np.pi * np.sqrt(spring.value)):.1f} Hz relative "
-                "to the motion sensor, so a part between them flexes; a model with it changes the "
-                f"mass by {effect_kg:+.3g} kg, which is not corrected",
+                "to the motion sensor, so a part between them flexes, or the log has a smoothed "
+                f"motion; a model with it changes the mass by {effect_kg:+.3g} kg, which is not "
+                "corrected",
                 channel=next(iter(inputs.speed_channels), None),
                 change=lambda: MassChange(0.0, abs(effect_kg)),
             )

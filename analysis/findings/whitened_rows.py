@@ -199,12 +199,14 @@ class ProjectedEquation:
         score: the remaining Xᵀy, by candidate cause.
         square_left: remaining sum of squares over the noise variance of a row.
         variance: noise variance of a row, for sums of many rows.
+        row_count: number of rows, which is the sum of squares of noise as stated.
     """
 
     information: dict[str, float]
     score: dict[str, float]
     square_left: float
     variance: float
+    row_count: int
 
     @classmethod
     def project_out(
@@ -263,6 +265,7 @@ class ProjectedEquation:
             {others[k]: float(score[k]) / variance for k in kept},
             float(left @ left) / variance,
             variance,
+            left.size,
         )
 
     def get_information_left_about_cause(self, cause_name: str) -> float:

@@ -19,7 +19,7 @@ class ColumnInputs:
         force: force on the ground in N, corrected for its delay.
         force_rate: derivative of the measured force in N/s; 0 where within the noise, if there is
             an accelerometer.
-        force_bend: derivative of `force_rate`, in N/s².
+        force_bend: second derivative of the force in N/s²; 0 if there is an accelerometer.
         force_rises_1: 1 where the force rises, -1 where it falls; 0 if the fit has no hysteresis.
         direction: driving direction of each manoeuvre.
         progress: from -1/2 to 1/2 over the log.

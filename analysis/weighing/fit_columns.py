@@ -17,9 +17,10 @@ from analysis.weighing.fitted_stretches import (
 )
 from analysis.weighing.force_hysteresis import PlayHysteresis, compute_sign_of_force_change
 from analysis.weighing.force_rate import (
-    compute_force_rate_variances,
+    add_force_derivatives_to_covariances,
     differentiate_force,
     differentiate_force_by_widest_parabolas,
+    differentiate_force_twice,
 )
 from analysis.weighing.haul_route import HaulRoute
 from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
@@ -296,11 +297,11 @@ def average_and_weight_columns_of_pieces(
     occurs = np.bincount(counts) > 0
     lengths, which = np.flatnonzero(occurs), (np.cumsum(occurs) - 1)[counts]
     covariances = np.stack([noise.compute_covariance_of_means(int(length)) for length in lengths])
-    has_rate_noise = pieces[0][1].force_rate_parabola is not None
-    rate_variances = (
-        compute_force_rate_variances(noise, rate_hz, lengths.tolist()) if has_rate_noise else None
-    )
     weight = compute_square_roots_of_row_weights(A[:, :2], f, covariances, which)
+    has_rate_noise = pieces[0][1].force_rate_parabola is not None
+    covariances = add_force_derivatives_to_covariances(
+        covariances, noise, rate_hz, lengths.tolist(), has_rate_noise=has_rate_noise
+    )
 
     def weight_rows_and_sum_noise_moments(piece_index: int) -> tuple[Floats, Floats]:
         (group, raw), rows = pieces[piece_index], places[piece_index]
@@ -310,7 +311,7 @@ def average_and_weight_columns_of_pieces(
             ratio = ground_variance_ratio_1_s / rate_hz * stride
             whiten_random_intercepts_in_place(A[rows], f[rows], group, ratio)
         return sum_noise_moments_by_stretch(
-            terms, group, raw, covariances, rate_variances, which[rows], weight[rows]
+            terms, group, raw, covariances, which[rows], weight[rows]
         )
 
     added = map_in_threads(weight_rows_and_sum_noise_moments, range(len(places)))
@@ -413,7 +414,7 @@ def make_columns_of_piece(
         compute_ground_to_wheel_speed_ratio(speed, acting, previous_estimates.slip_1_N),
         acting,
         force_rate,
-        np.gradient(force_rate) * motion.rate_hz,
+        zeros if motion.by_accelerometer else differentiate_force_twice(force, motion.rate_hz),
         zeros
         if previous_estimates.play is None
         else compute_sign_of_force_change(force, previous_estimates.play),
@@ -509,39 +510,30 @@ def sum_noise_moments_by_stretch(
     stretch_of_row: Ints,
     column_inputs: ColumnInputs,
     covariances: Floats,
-    force_rate_variances: Floats | None,
     covariance_index_of_row: Ints,
     weight_roots: Floats,
 ) -> tuple[Floats, Floats]:
-    """Sum, by stretch, the noise in AᵀA and Aᵀf due to acceleration, speed, force and force rate.
-
-    The noise of a mean of the force and that of its derivative are uncorrelated, since the latter's
-    weights change sign with time.
+    """Sum, by stretch, the noise in AᵀA and Aᵀf due to acceleration, speed and force.
 
     Args:
         terms: the nuisances.
         stretch_of_row: (rows,) stretch of each row.
         column_inputs: means that the columns are made of.
-        covariances: (lengths, 3, 3) noise covariance of the means of each length.
-        force_rate_variances: (lengths, parabolas) noise variance of means of the force's
-            derivative; None if it is without noise.
+        covariances: (lengths, parabolas, 5, 5) noise covariance of the means of each length, by
+            `add_force_derivatives_to_covariances`.
         covariance_index_of_row: (rows,) index of each row's length.
         weight_roots: (rows,) square root of each row's weight.
     """
     ids, index = np.unique(stretch_of_row, return_inverse=True)
-    if force_rate_variances is not None:
-        parabola = column_inputs.force_rate_parabola
-        assert parabola is not None
-        parabolas = force_rate_variances.shape[1]
-        covariances = np.repeat(covariances, parabolas, axis=0)
-        covariances = np.insert(np.insert(covariances, 2, 0.0, 1), 2, 0.0, 2)
-        covariances[:, 2, 2] = force_rate_variances.ravel()
-        covariance_index_of_row = covariance_index_of_row * parabolas + parabola
+    parabola = column_inputs.force_rate_parabola
+    if parabola is not None:
+        covariance_index_of_row = covariance_index_of_row * covariances.shape[1] + parabola
     # derivatives of the columns by the channels; the others are 0
     slopes, places = [weight_roots, weight_roots], [(0, 0), (1, 1)]
     for j, term in enumerate(terms, start=2):
-        by_rate = () if force_rate_variances is None else (term.by_force_rate,)
-        derivatives = (term.by_acceleration, term.by_speed, *by_rate, term.by_force)
+        by_rate = None if parabola is None else term.by_force_rate
+        by_bend = term.by_force_bend
+        derivatives = (term.by_acceleration, term.by_speed, by_rate, by_bend, term.by_force)
         for channel, by in enumerate(derivatives):
             if by is not None:
                 slopes.append(by(column_inputs) * weight_roots)
@@ -549,7 +541,7 @@ def sum_noise_moments_by_stretch(
     return group_sums.sum_noise_moments(
         np.stack(slopes),
         np.array(places, np.int64),
-        covariances,
+        covariances.reshape(-1, 5, 5),
         covariance_index_of_row,
         index,
         (ids.size, 2 + len(terms)),

@@ -1,4 +1,4 @@
-"""Derivative of the force by parabolas as wide as the force allows, and its noise variance."""
+"""Derivatives of the force by parabolas as wide as the force allows, and its noise variance."""
 
 from collections.abc import Sequence
 
@@ -21,6 +21,18 @@ def differentiate_force(force: Floats, rate_hz: float, noise_N: float) -> Floats
     slope = make_parabola_slope_weights(half_rows, rate_hz)
     rate, std = _convolve_force(force, slope), noise_N * float(np.sqrt(slope @ slope))
     return np.where(np.abs(rate) > LIMITS.force_rate_min_std * std, rate, 0.0)
+
+
+def differentiate_force_twice(force: Floats, rate_hz: float) -> Floats:
+    """Second derivative of the force by one parabola, whose noise is known, (n,) in N/s²."""
+    slope = _make_slope_weights_of_bend(rate_hz)
+    return _convolve_force(_convolve_force(force, slope), slope)
+
+
+def _make_slope_weights_of_bend(rate_hz: float) -> Floats:
+    """Weights of the slope that gives the second derivative when it is applied twice."""
+    half_rows = count_rows_in_duration(LIMITS.force_bend_half_width_s, rate_hz)
+    return make_parabola_slope_weights(half_rows, rate_hz)
 
 
 def differentiate_force_by_widest_parabolas(
@@ -64,16 +76,68 @@ def compute_force_rate_variances(
     autocovariance = _list_force_autocovariances_newtons2(
         noise, max(samples_per_mean) + slopes[-1].size
     )
-
-    def compute_variance(weights: Floats) -> float:
-        products = np.correlate(weights, weights, "full")[weights.size - 1 :]
-        both_sides = 2.0 * products @ autocovariance[: weights.size]
-        return max(float(both_sides - products[0] * autocovariance[0]), 0.0)
-
     means = [np.full(length, 1.0 / length) for length in samples_per_mean]
     return np.array(
-        [[compute_variance(np.convolve(mean, slope)) for slope in slopes] for mean in means]
+        [
+            [
+                max(_compute_covariance(weights, weights, autocovariance), 0.0)
+                for weights in (np.convolve(mean, slope) for slope in slopes)
+            ]
+            for mean in means
+        ]
     )
+
+
+def add_force_derivatives_to_covariances(
+    covariances: Floats,
+    noise: ColumnNoiseModel,
+    rate_hz: float,
+    samples_per_mean: Sequence[int],
+    *,
+    has_rate_noise: bool,
+) -> Floats:
+    """Add the force's first and second derivative to noise covariances, before the force.
+
+    The first one is uncorrelated with the force, since its weights change sign with time; the
+    second one is not.
+
+    Args:
+        covariances: (lengths, 3, 3) noise covariance of means of acceleration, speed and force.
+        noise: noise of the columns.
+        rate_hz: rate of the grid.
+        samples_per_mean: lengths of the means.
+        has_rate_noise: whether the first derivative has noise; else values within it are 0.
+
+    Returns:
+        (lengths, parabolas, 5, 5), with one parabola if the first derivative has no noise.
+    """
+    slope = _make_slope_weights_of_bend(rate_hz)
+    autocovariance = _list_force_autocovariances_newtons2(
+        noise, max(samples_per_mean) + 2 * slope.size
+    )
+    rate_variances = (
+        compute_force_rate_variances(noise, rate_hz, samples_per_mean)
+        if has_rate_noise
+        else np.zeros((len(samples_per_mean), 1))
+    )
+    out = np.zeros((*rate_variances.shape, 5, 5))
+    kept = np.array([0, 1, 4])
+    out[:, :, kept[:, None], kept] = covariances[:, None]
+    out[:, :, 2, 2] = rate_variances
+    for found, length in zip(out, samples_per_mean, strict=True):
+        mean = np.full(length, 1.0 / length)
+        bend = np.convolve(np.convolve(mean, slope), slope)
+        mean = np.pad(mean, slope.size - 1)
+        found[:, 3, 3] = max(_compute_covariance(bend, bend, autocovariance), 0.0)
+        found[:, 3, 4] = found[:, 4, 3] = _compute_covariance(bend, mean, autocovariance)
+    return out
+
+
+def _compute_covariance(weights: Floats, other_weights: Floats, autocovariance: Floats) -> float:
+    """Covariance of two weighted sums of one noise; the weights, (n,) each, are symmetric."""
+    products = np.correlate(weights, other_weights, "full")[weights.size - 1 :]
+    both_sides = 2.0 * products @ autocovariance[: weights.size]
+    return float(both_sides - products[0] * autocovariance[0])
 
 
 def _list_force_autocovariances_newtons2(noise: ColumnNoiseModel, lag_count: int) -> Floats:

@@ -8,7 +8,7 @@ look like noise. A significant term that would change the mass is added to its u
 does not show which of the terms is the true one.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -44,6 +44,7 @@ ELASTICITY: Final = Nuisance(
     lambda _, __: LIMITS.elasticity_prior_std_s2,
     "a belt, rope, coupling or frame that flexes between the mass and the motion sensor",
     "a motion sensor on the mass itself; starts without jerks",
+    by_force_bend=lambda m: -np.ones(m.speed.size),
     source="elasticity",
 )
 
@@ -96,6 +97,7 @@ class MissingTerm:
         value: its estimate, in the term's unit.
         t: estimate over its standard deviation.
         effect_kg: (masses,) change of each mass with the term.
+        residual_rms_N: r.m.s. residual of the fit with the term, in N.
         instrumented_ratio: estimate by the fitted force over that by the measured one; 1 for a term
             that is no function of the force.
     """
@@ -104,12 +106,22 @@ class MissingTerm:
     value: float
     t: float
     effect_kg: Floats
+    residual_rms_N: float = 0.0
     instrumented_ratio: float = 1.0
 
     @property
     def is_confirmed(self) -> bool:
         """Whether the fitted force shows the term too, if it is a function of the force."""
         return self.instrumented_ratio > LIMITS.min_instrumented_ratio
+
+    def is_nameable(self, found: Sequence["MissingTerm"]) -> bool:
+        """Whether the term, of all significant ones `found`, is a cause rather than a symptom."""
+        if self.term is ELASTICITY:
+            # a force that nothing describes bends as well
+            return self.residual_rms_N <= min(each.residual_rms_N for each in found)
+        if self.term.name == SATURATION and abs(self.value) > LIMITS.max_saturation_1:
+            return False
+        return self.instrumented_ratio > LIMITS.nameable_instrumented_ratio
 
     def is_significant(self, fit: JointFit) -> bool:
         """Whether the term is significant, and the log determines its effect on the mass."""
@@ -273,7 +285,11 @@ def find_missing_terms(
         other.solution.compute_uncertainty_and_release_samples()
         value = float(other.theta[-1])
         lacking = MissingTerm(
-            term, value, value / float(other.posterior_fit.parameter_stds[-1]), effect_kg
+            term,
+            value,
+            value / float(other.posterior_fit.parameter_stds[-1]),
+            effect_kg,
+            other.solution.residual_rms,
         )
         if lacking.is_significant(fit):
             found.append(lacking)

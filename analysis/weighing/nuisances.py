@@ -33,6 +33,7 @@ class Nuisance:
         by_force: derivative of the column by the force, likewise.
         by_acceleration: derivative of the column by the acceleration, likewise.
         by_force_rate: derivative of the column by the derivative of the force, likewise.
+        by_force_bend: derivative of the column by the second derivative of the force, likewise.
         applies: whether the term applies to a log.
         by_load: whether the term needs several load states.
         source: budget entry that combines this term with others; "" if it has its own entry.
@@ -49,6 +50,7 @@ class Nuisance:
     by_force: Callable[[ColumnInputs], Floats] | None = None
     by_acceleration: Callable[[ColumnInputs], Floats] | None = None
     by_force_rate: Callable[[ColumnInputs], Floats] | None = None
+    by_force_bend: Callable[[ColumnInputs], Floats] | None = None
     applies: Callable[[MotionSamples], bool] = lambda _: True
     by_load: bool = False
     source: str = ""
