@@ -50,7 +50,7 @@ _JOINT_UNIT = 'are the joints\' velocities in m/s? if in rad/s, set scale = "whe
 _WHICH_MACHINE: Final = "which of {} is meant: the draft takes the first"
 #: Channels of both sides, and the one that they make unnecessary.
 _OF_BOTH_SIDES: Final = {"speed_{}_m_s": "speed_x_m_s", "torque_{}_N_m": "force_x_N"}
-_SET_POINT: Final = "whether '{}' was measured: by its name it is a set-point, not channels.{}"
+_SET_POINT: Final = "is '{}' measured? its name says set-point; if measured, it is channels.{}"
 #: Topic (None in a table) and field of a column.
 Source = tuple[str | None, str]
 

@@ -36,7 +36,7 @@ _AGAINST_PLACE: Final = (
     "({2:.2f}); if it is inverted, set scale = -1"
 )
 _WITHOUT_SIGN: Final = (
-    "in which direction '{0}' acts: it is never negative, and as large while the machine brakes; "
+    "in which direction '{0}' acts: it is never negative, and no smaller while the machine brakes; "
     "another column may give its sign, as in where(braking_1 > 0.5, -x, x)"
 )
 _WRAPPED: Final = (

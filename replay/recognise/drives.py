@@ -121,7 +121,7 @@ def propose_wheel_torques_without_side(
             f"{column.source_text}: one of two torques; its name has no side",
         )
     recognition.add_question_of_subject("radius", RADIUS_QUESTION)
-    recognition.add_question_of_subject("side", f"which is the left one, {names}")
+    recognition.add_question_of_subject("side", f"which torque is the left one: {names}")
     return True
 
 

@@ -156,7 +156,7 @@ def test_an_oil_pressure_alone_drives_nothing(tmp_path: Path) -> None:
 def test_two_torques_without_a_side_are_a_question(tmp_path: Path) -> None:
     channels, questions = proposed(tmp_path, **{"Torque 1__Nm": A, "Torque 2__Nm": A})
     assert {"torque_left_N_m", "torque_right_N_m"} <= set(channels)
-    assert any("which is the left one" in question for question in questions)
+    assert any("which torque is the left one" in question for question in questions)
 
 
 @pytest.mark.parametrize(

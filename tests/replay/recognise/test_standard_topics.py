@@ -75,7 +75,7 @@ def test_a_set_point_is_no_speed_and_is_asked_about_only_alone(topic: str, tmp_p
     (tmp_path / "alone").mkdir()
     channels, questions = drafted(tmp_path / "alone", {(topic, "Twist"): 90, ("/imu", "Imu"): 40})
     assert "speed_x_m_s" not in channels
-    said = f"whether '{topic} linear.x' was measured: by its name it is a set-point"
+    said = f"is '{topic} linear.x' measured? its name says set-point"
     assert any(each.startswith(said) for each in questions)
 
 
