@@ -85,7 +85,7 @@ class SimulatedDrivetrain(BaseModel):
 
 
 class SimulatedBrakes(BaseModel):
-    """Friction of the brakes that the torque sensors do not see."""
+    """Friction of the brakes that the torque sensors do not measure."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 

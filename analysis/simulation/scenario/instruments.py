@@ -135,13 +135,16 @@ class SimulatedDefects(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     force_lag_s: float = Field(
-        default=0.0, ge=0, le=10, description="first-order low-pass of the torque sensors"
+        default=0.0, ge=0, le=10, description="time constant of the low-pass of the torque sensors"
     )
     imu_lag_s: float = Field(
-        default=0.0, ge=0, le=10, description="first-order low-pass of the IMU"
+        default=0.0, ge=0, le=10, description="time constant of the low-pass of the IMU"
     )
     speed_lag_s: float = Field(
-        default=0.0, ge=0, le=10, description="first-order low-pass of the wheel speed sensors"
+        default=0.0,
+        ge=0,
+        le=10,
+        description="time constant of the low-pass of the wheel speed sensors",
     )
     acc_tilt_deg: float = Field(
         default=0.0,

@@ -232,7 +232,7 @@ class SimulatedCampaign(BaseModel):
         default=6000.0, gt=0, le=1e7, description="drive force of full throttle"
     )
     valve_lag_s: float = Field(
-        default=0.08, ge=0.001, le=10, description="first-order lag of drive and brakes"
+        default=0.08, ge=0.001, le=10, description="time constant of the lag of drive and brakes"
     )
     braking_m_s2: float = Field(
         default=1.5, gt=0, le=20, description="deceleration by the brakes, in addition to friction"

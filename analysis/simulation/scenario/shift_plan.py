@@ -10,8 +10,8 @@ ShiftTopic: TypeAlias = Literal["boom", "odometry", "gnss"]
 class SimulatedShift(BaseModel):
     """A shift instead of a campaign: cycles of digging, hauling and dumping, and breaks.
 
-    Starts are as `[starts]` and `[campaign]` (throttle, valves, brakes) have them. The machine
-    turns on the spot, so that the ground may slope along the way from the dump to the pile.
+    `[starts]` and `[campaign]` (throttle, valves, brakes) define the starts. The machine turns on
+    the spot and drives back along the same line, on which the ground may slope.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
