@@ -61,7 +61,7 @@ def command(
         typer.Option(metavar="FILE", help="Private ECDSA or RSA key (PEM) that signs --dcc."),
     ] = None,
     dcc_certificate: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Certificate (PEM) of --dcc-key, if any.")
+        Path | None, typer.Option(metavar="FILE", help="Certificate (PEM) for --dcc-key, if any.")
     ] = None,
     force: Annotated[bool, typer.Option(help="Replace existing evidence.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,

@@ -36,7 +36,7 @@ def command(
         typer.Option(
             "-o",
             "--output",
-            help="Picture (.png, .pdf, .svg); the machine file of --apply (.toml).",
+            help="Picture (.png, .pdf, .svg); with --apply, the machine file (.toml).",
         ),
     ] = None,
     apply: Annotated[

@@ -58,9 +58,7 @@ def command(
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option(
-            "-o", "--output", help="Folder of the review, for logs; page (.html) of --week."
-        ),
+        typer.Option("-o", "--output", help="Folder of the review; with --week, its page (.html)."),
     ] = None,
     calibration: Calibration = None,
     key: SignerKey = None,
