@@ -232,9 +232,9 @@ def make_model_checks(subject: EvidenceSubject, wording: AxisQuantityNames) -> t
             f"{wording.prefix}partial_correlation",
             subject,
             _compute_partial_correlation,
-            f"correlation of {wording.acceleration} and {force} with "
-            f"the {wording.speed}'s share taken "
-            "out of both",
+            f"correlation of {wording.acceleration} and {force}, with "
+            f"the part that the {wording.speed} explains "
+            "removed from both",
             minimum="partial_correlation_min",
             remedy="stronger starts; force and speed of the same machine and time",
         ),

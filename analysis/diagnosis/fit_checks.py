@@ -324,7 +324,7 @@ FIT_CHECKS: Final = (
         "manoeuvre_scatter",
         "mass",
         _make_joint_fit_quantity_function(lambda weighing: weighing.manoeuvre_scatter_over_noise),
-        "scatter of manoeuvres about their load over what their noise explains",
+        "scatter of manoeuvres about their load, over the scatter that their noise explains",
         maximum="scatter_max",
         applies=lambda inputs, _: (
             inputs.weighing is not None
@@ -337,7 +337,7 @@ FIT_CHECKS: Final = (
         "common_misfit",
         "mass",
         _make_joint_fit_quantity_function(lambda weighing: weighing.fit.posterior_fit.misfit_ratio),
-        "residual common to all starts, mean square over noise",
+        "mean square of the residual common to all starts, over that of the noise",
         maximum="misfit_max",
         applies=lambda inputs, _: (
             inputs.weighing is not None and inputs.weighing.fit.posterior_fit.groups > 2
@@ -361,7 +361,7 @@ FIT_CHECKS: Final = (
         _make_joint_fit_quantity_function(
             lambda weighing: weighing.relative_mass_change_by_braking
         ),
-        "relative change of the mass when braking is included; the force may not see all brakes",
+        "relative change of the mass if braking is included; the sensor may miss some brakes",
         maximum="braking_max",
         optional=True,
         consequence="widen",

@@ -131,7 +131,7 @@ SIGNAL_CHECKS: Final = (
         "side_difference",
         "mass",
         _find_largest_side_difference_1,
-        "difference of left and right on straight drives over their mean, where it is beyond noise",
+        "difference of left and right on straight drives, over their mean; 0 if it is noise",
         maximum="sides_max",
         optional=True,
         subject_text=_name_quantity_of_largest_side_difference,

@@ -100,7 +100,7 @@ def compute_fraction_of_braked_samples_with_opposing_force(
         has_scrubbing_tyres: whether Coulomb friction is part of the friction: it stops a spin.
 
     Returns:
-        The fraction; NaN where the drive does not brake or no sensor sees it.
+        The fraction; NaN where the drive does not brake or no sensor measures it.
     """
     judged = f if raw_force is None else raw_force
     if not has_enough_moving_samples(A, is_speeding_up):
