@@ -392,7 +392,7 @@ CAUSES: Final = (
 #: Cause of failed checks that no other cause accounts for; searched last.
 UNKNOWN: Final = Cause(
     "unknown",
-    "checks fail, and no known cause explains it",
+    "checks fail, and no known cause explains why",
     "a failed check that withholds the mass or widens its uncertainty",
     unexplained.find_failed_checks_without_cause,
     withholds=True,

@@ -107,7 +107,7 @@ def does_exclusion_keep_answer(
 
 
 def find_noiseless_stretches_ns(inputs: FindingInputs, channel: str) -> list[tuple[int, int]]:
-    """Start and end, in Unix ns, of long repeats in motion of a channel with none elsewhere."""
+    """Long repeats in motion of a channel that has none elsewhere: start and end in Unix ns."""
     signals = inputs.check_inputs.signals
     if signals is None:
         return []
@@ -254,9 +254,9 @@ def _make_side_difference_symptom(inputs: FindingInputs, difference: SideDiffere
     if difference.kind == "slip":
         return Symptom(
             strength,
-            f"in hard starts the {other} wheels turn faster than the {difference.smaller_side} "
-            f"ones by {abs(difference.value_1):.1%} ± {difference.std_1:.1%} more than in gentle "
-            "ones, by the gyroscope",
+            f"relative to the gyroscope, the {other} wheels turn faster than the "
+            f"{difference.smaller_side} ones by {abs(difference.value_1):.1%} ± "
+            f"{difference.std_1:.1%} more in hard starts than in gentle ones",
             channel=larger,
             change=lambda: bound_mass_change_by_wheel_speed_error(inputs),
             alternatives=("slip",),
@@ -272,8 +272,9 @@ def _make_side_difference_symptom(inputs: FindingInputs, difference: SideDiffere
     )
     return Symptom(
         strength,
-        f"on straight drives the {other} wheels turn faster than the {difference.smaller_side} "
-        f"ones by {abs(difference.value_1):.1%} ± {difference.std_1:.1%}, by the gyroscope{by_imu}",
+        f"relative to the gyroscope, the {other} wheels turn faster than the "
+        f"{difference.smaller_side} ones by {abs(difference.value_1):.1%} ± "
+        f"{difference.std_1:.1%} on straight drives{by_imu}",
         channel=larger if wrong is None else wrong[0],
         setting=setting,
         value=value,

@@ -49,7 +49,7 @@ class ConstantForces:
 
     @property
     def acts_only_at_rest(self) -> bool:
-        """Whether the force at rest is absent in motion, such as one that brakes hold."""
+        """Whether the force at rest is absent in motion, like a drive force held by brakes."""
         return self.is_rest_significant and self.offset is False
 
 

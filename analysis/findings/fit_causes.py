@@ -27,7 +27,7 @@ from estimators.errors import format_count
 
 
 def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
-    """Find a wheel radius that makes wheels and accelerometer disagree.
+    """Find a wrong wheel radius: the wheels then disagree with the accelerometer.
 
     The radius scales the force as well.
     """
