@@ -47,7 +47,7 @@ def list_uncertainty_sources_of_quantity(
 
     Args:
         estimate: the fit.
-        gradient: (p,) derivatives of the quantity by the parameters.
+        gradient: (p,) derivatives of the quantity with respect to the parameters.
         terms: name of each row of its `responses`; rows that are not of a term count as noise.
         machine: machine file with its uncertainties.
     """
@@ -168,7 +168,7 @@ def join_missing_setting_names(
 
     Args:
         estimate: the fit.
-        gradients: (p,) derivatives of each quantity by the parameters.
+        gradients: (p,) derivatives of each quantity with respect to the parameters.
         terms: as `list_uncertainty_sources_of_quantity` takes them.
         machine: machine file with its uncertainties.
     """

@@ -33,7 +33,7 @@ class ColumnInputs:
         relative_gear_ratio: gear ratio over the log's largest; 0 without one.
         slip_s_m: estimated cost of slip, as a fraction of the force per m/s.
         load_transfer_s2_m: estimated load transfer, as a fraction of the force per m/s².
-        rises_by_force_1_N: derivative of `force_rises_1` by the force.
+        rises_by_force_1_N: derivative of `force_rises_1` with respect to the force.
         weight_shares: expected fractions of the constant force and of Coulomb friction that are
             proportional to the weight.
         force_rate_parabola: index of the parabola that gave each `force_rate`; None if values

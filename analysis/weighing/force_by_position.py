@@ -86,7 +86,7 @@ def make_position_force_columns(relative_position: Floats) -> Floats:
 
 
 def make_position_force_slopes(relative_position: Floats) -> Floats:
-    """(n, terms) derivatives of `make_position_force_columns` by the position."""
+    """(n, terms) derivatives of `make_position_force_columns` with respect to the position."""
     numbers = np.pi * np.arange(1, LIMITS.path_half_waves + 1)
     waves = -numbers * np.sin(numbers * (relative_position[:, None] + 0.5))
     return np.column_stack(

@@ -48,7 +48,7 @@ class PlayHysteresis(NamedTuple):
     Attributes:
         half_N: half of the change by which the force must go back for a reversal, in N.
         mean: number of samples of the mean whose noise is well below `half_N`.
-        by_force_1_N: derivative of the direction by a fitted mean of the force.
+        by_force_1_N: derivative of the direction with respect to a fitted mean of the force.
     """
 
     half_N: float

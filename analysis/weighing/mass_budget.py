@@ -121,8 +121,8 @@ _PARTS: Final = {
     ),
     "braking": _FitPart(
         "common",
-        "braking and driving say different masses, and driving alone cannot decide",
-        "settings.gate.exclude_braking = true, or a force that sees all brakes",
+        "braking and driving give different masses, and driving alone cannot decide",
+        "settings.gate.exclude_braking = true, or a force sensor that measures all brakes",
     ),
     "priors": _FitPart(
         "common",

@@ -14,9 +14,9 @@ from analysis.weighing.wheel_kinematics import TERMS
 
 #: Unit and meaning of slip, gain and delay as estimated from the wheels.
 _OF_WHEELS: Final = (
-    ("1/N", "what share of its speed a newton makes the wheels slip, by the wheels"),
-    ("1", "gain of the accelerometer less 1, by the wheels"),
-    ("s", "delay of the speed behind the accelerometer, by the wheels"),
+    ("1/N", "slip per newton, as a share of the speed, estimated from the wheels"),
+    ("1", "gain of the accelerometer minus 1, estimated from the wheels"),
+    ("s", "delay of the speed behind the accelerometer, estimated from the wheels"),
 )
 
 

@@ -28,12 +28,12 @@ class Nuisance:
         compute_prior_std: computes the default prior standard deviation.
         meaning: what it models, in a sentence.
         reduced_by: what would reduce its uncertainty.
-        by_speed: derivative of the column by the speed, which propagates the noise of the speed;
-            None if the column does not depend on the speed.
-        by_force: derivative of the column by the force, likewise.
-        by_acceleration: derivative of the column by the acceleration, likewise.
-        by_force_rate: derivative of the column by the derivative of the force, likewise.
-        by_force_bend: derivative of the column by the second derivative of the force, likewise.
+        by_speed: derivative of the column with respect to the speed, which propagates the noise of
+            the speed; None if the column does not depend on the speed.
+        by_force: derivative with respect to the force, likewise.
+        by_acceleration: derivative with respect to the acceleration, likewise.
+        by_force_rate: derivative with respect to the derivative of the force, likewise.
+        by_force_bend: derivative with respect to the second derivative of the force, likewise.
         applies: whether the term applies to a log.
         by_load: whether the term needs several load states.
         source: budget entry that combines this term with others; "" if it has its own entry.
@@ -203,7 +203,7 @@ NUISANCES: Final = (
         "s",
         lambda m: -m.force_rate,
         lambda _, s: s.lag_s,
-        "how late the force is, against the motion",
+        "delay of the force relative to the motion",
         "sharper starts, or clocks that are synchronised",
         prior_keys=("lag_s",),
         by_force_rate=lambda m: -np.ones(m.speed.size),
@@ -213,7 +213,7 @@ NUISANCES: Final = (
         "s",
         lambda m: -m.force_rate * m.progress,
         lambda _, s: s.lag_drift_s,
-        "how much later the force becomes over the log: clocks that drift apart",
+        "growth of the delay of the force over the log: clocks that drift apart",
         "clocks that are synchronised",
         by_force_rate=lambda m: -m.progress,
         prior_keys=("lag_drift_s",),
@@ -292,9 +292,9 @@ NUISANCES: Final = (
         lambda e, s: max(
             estimate_error_fraction_and_std_of_constant(e, s)[1], LIMITS.min_offset_std_N
         ),
-        "what the constant force has of an error of the measured force, beside what is expected "
-        "of it: neither slip nor load transfer act on it",
-        "a measured force that is zeroed",
+        "part of the constant force that is an error of the measured force, less its expected "
+        "value: neither slip nor load transfer changes it",
+        "a force sensor that is zeroed",
         by_speed=lambda m: -m.slip_s_m * np.sign(m.speed),
         by_acceleration=lambda m: np.full(m.speed.size, -m.load_transfer_s2_m),
     ),

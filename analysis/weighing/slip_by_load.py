@@ -29,7 +29,7 @@ SLIP_BY_LOAD: Final = Nuisance(
     "kg/N",
     _compute_loaded_minus_unloaded_slip_column,
     lambda e, s: LIMITS.slip_stiffness_by_load_1 * _SLIP.compute_prior_std(e, s),
-    "reduction of wheel slip by the load, which presses the wheels on the ground",
+    "reduction of wheel slip by the load, which presses the wheels onto the ground",
     "an accelerometer on the body",
     by_force=lambda m: m.relative_load * np.sign(m.speed) * m.wheel_acceleration,
     by_acceleration=lambda m: m.relative_load * np.sign(m.speed) * m.force,

@@ -64,7 +64,7 @@ def sum_noise_moments(
     """Sum the contribution of channel noise to the normal equations.
 
     Args:
-        slopes: (slopes, n) nonzero derivatives of columns by channels.
+        slopes: (slopes, n) nonzero derivatives of columns with respect to channels.
         column_and_channel: (slopes, 2) column and channel of each slope; the last channel is the
             response.
         covariances: (kinds, channels, channels) noise covariances of the channels.

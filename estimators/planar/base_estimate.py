@@ -100,7 +100,7 @@ class BaseEstimate:
         )
 
     def ratio_and_gradient(self, numerator: str, denominator: str) -> tuple[float, Floats]:
-        """Ratio of two parameters, and its derivatives by each parameter, (p,).
+        """Ratio of two parameters, and its derivatives with respect to the parameters, (p,).
 
         NaN if the denominator is 0.
         """

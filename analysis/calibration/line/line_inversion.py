@@ -268,7 +268,7 @@ class LineInversion:
         """Squared Student factors of each effect, (n, effects), and of the rest, (n,).
 
         Args:
-            gradient: (n, effects) derivatives by the variances.
+            gradient: (n, effects) derivatives with respect to the variances.
             additional_variance_kg2: (n,) known part of the variance.
             confidence_1: confidence of the intervals.
         """
