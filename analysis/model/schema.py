@@ -369,7 +369,10 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("rank", pl.Int64, "1", "how many numbers the motion determines"),
                 Column("identifiable", pl.String, "1", "the parameters it determines"),
                 Column(
-                    "combinations", pl.String, "1", "other parameters that the motion determines"
+                    "combinations",
+                    pl.String,
+                    "1",
+                    "combinations of the others that the motion determines",
                 ),
                 Column(
                     "scale_unknown",
@@ -656,7 +659,9 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("digs", pl.Int64, "1", "cycles whose digging was seen"),
                 Column("boom_dumps", pl.Int64, "1", "dumps that the boom shows, if it does"),
                 make_float_column(
-                    "uncounted_cycles", "1", "cycles expected that digging or the boom shows"
+                    "uncounted_cycles",
+                    "1",
+                    "expected number of cycles without a mass, from digging or the boom",
                 ),
                 make_float_column(
                     "uncounted_cycles_u", "1", "standard uncertainty of uncounted_cycles"

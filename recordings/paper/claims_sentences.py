@@ -24,7 +24,7 @@ _DIRECTIONAL: Final = {
 _SHORT_STARTS: Final = {
     "nothing": "In a campaign of short starts and stops the gate has little to save RLS from.",
     "refusing braking": (
-        "In a campaign, refusing windows with braking alone helps as much as the whole gate."
+        "In a campaign, refusing only the windows that contain braking helps as much as the gate."
     ),
     "the index": "In a campaign it is the index that helps, not refusing windows with braking.",
 }

@@ -57,7 +57,7 @@ def _draw_payload_timeline(ledger: pl.DataFrame, state: ReviewState) -> Drawing:
     seconds = ((shown["end_unix_ns"] - state.t0_unix_ns) / 1e9).to_list()
     picture = Drawing(
         "timeline",
-        "Payloads in time",
+        "Payloads over time",
         f"{shown.height} payloads in kg over {clock.time_axis_label}, from "
         f"{shown['payload_kg'].min():,.0f} to {shown['payload_kg'].max():,.0f} kg; bars reach two "
         "standard uncertainties either way; shaded: nothing was recorded.",

@@ -379,7 +379,7 @@ def _make_lines_of_verdict(verdict: Verdict) -> list[str]:
         f"({check.limit_text}), {check.meaning}"
         for check in verdict.checks
     ]
-    parts = ["## Can this log weigh?", "\n".join(checks)]
+    parts = ["## Can this log weigh the machine?", "\n".join(checks)]
     if verdict.has_spins and not verdict.can_estimate_inertia:
         parts.append(
             "**The yaw inertia is withheld**: the checks of its spins, or of the sign of the "

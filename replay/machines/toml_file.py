@@ -86,8 +86,8 @@ def refuse_other_kind_of_file(
     """Raise an error for another kind of file, such as a campaign file given as a machine file.
 
     Raises:
-        PayscopeError: of type `error_type`; it states the kind of the file, and the machine file
-            that this names, if that is the expected one.
+        PayscopeError: of type `error_type`; it states the kind of the file; if a machine file is
+            expected, also the one that the file names.
     """
     found = next((k for k, tables in _KINDS.items() if any(each in content for each in tables)), "")
     if not found or expected_kind in found:
@@ -159,8 +159,8 @@ def validate_toml_content(
     for key, number in _iter_integers_by_dotted_key(values):
         if not -LARGEST_INTEGER <= number <= LARGEST_INTEGER:
             raise error_type(
-                f"{path}: {key}: input should be an integer of at most 64 bits, as TOML has them, "
-                f"not one of {len(f'{abs(number)}')} digits"
+                f"{path}: {key}: input should be an integer of at most 64 bits, the most that TOML "
+                f"allows, not one of {len(f'{abs(number)}')} digits"
             )
     try:
         return model.model_validate(values)

@@ -126,7 +126,7 @@ def test_figures_and_tables_have_names(opened: Any) -> None:
         '[...document.querySelectorAll("svg")].map(s => s.querySelector("title").textContent)'
     )
     assert figures == [
-        "Payloads in time",
+        "Payloads over time",
         "Distribution of payloads",
         "Friction over the shift",
         "Share of time by the gate's reason",

@@ -161,7 +161,7 @@ class McapFile(BlockFile):
         self._note_blocks_missed_by_first_pass(walk.iter_chunks_of_file(), walk.store)
         if not (walk.data_end and walk.has_footer) and not self._store.damage:
             self._store.damage.add_damage_sentence(
-                "its records do not lead from its data to its footer"
+                "reading its records in order finds no end of data or no footer"
             )
         return (
             self._store.valid_crc_count + self._is_sealed + self._is_data_crc_valid(walk.data_end)
