@@ -66,7 +66,10 @@ class LoadPasses:
         return (self.mass_kg - self.step_kg) / (1.0 + self.drift_1)
 
     def find_empty_passes_beside(self, number: int) -> tuple[int | None, int | None]:
-        """Nearest empty passes before and after a pass, on the same side of a step, if any."""
+        """Numbers of the nearest empty passes before and after a pass; None where there is none.
+
+        Where the empty machine's mass has a step, both are on the same side of it as the pass.
+        """
         step_kg = np.broadcast_to(self.step_kg, self.loaded.shape)
         empties = np.flatnonzero(~self.loaded & (step_kg == step_kg[number]))
         place = int(np.searchsorted(empties, number))

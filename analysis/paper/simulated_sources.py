@@ -58,7 +58,7 @@ class StudySettings:
     replay: Callable[[Scenario, Machine, Chain], ReplayedCampaign]
 
     def make_scenario_of_repetition(self, repetition: int) -> Scenario:
-        """Scenario of a repetition."""
+        """Scenario with the seed of a repetition, which is counted from 0."""
         return self.scenario.copy_with_seed(self.scenario.sensors.seed + repetition)
 
 

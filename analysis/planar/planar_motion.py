@@ -124,7 +124,7 @@ class PlanarDrive:
         )
 
     def make_turning_samples(self, sample_slice: slice) -> TurningSamples:
-        """Samples of a slice."""
+        """Samples of a slice in the form from which the columns of the terms are computed."""
         moved = self.plane.motion
         return TurningSamples(
             moved.specific_force_x[sample_slice],

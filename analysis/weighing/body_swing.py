@@ -50,10 +50,10 @@ class BodySwing:
     damping_1: float = 1.0
 
     def copy_with_swing_of_squat(self, squat_1: float) -> "BodySwing":
-        """Copy with the swing of a reading that includes the gravity of the pitch.
+        """Copy for a reading that still includes the gravity component due to pitch.
 
         Args:
-            squat_1: squat whose gravity the pitch removed from the reading of this swing.
+            squat_1: squat whose gravity component the pitch channel removed from this reading.
         """
         return replace(self, lever_s2=self.lever_s2 - squat_1 / self.omega_1_s**2)
 

@@ -465,8 +465,8 @@ def find_heading_from_dump(
 ) -> Floats | None:
     """Heading of each sample, (n,): 1 with the front away from the nearest dump, else -1.
 
-    None if gravity is measured, without a route, or on one so short that the terms of the starts
-    have its ground.
+    None if gravity is measured, if there is no route, or if the route is so short that the terms of
+    the starts also describe its ground.
     """
     route = previous_estimates.route
     if motion.has_measured_gravity or route is None:

@@ -63,7 +63,7 @@ class DirectionGain:
 
     @property
     def significance_1(self) -> float:
-        """Difference of the gain from 1, over the smallest that is significant and matters."""
+        """Difference of the gain from 1, divided by the smallest one that counts as significant."""
         least_1 = max(LIMITS.direction_gain_min_std * self.std_1, LIMITS.direction_gain_min_1)
         return abs(self.gain_1 - 1.0) / least_1
 
@@ -158,8 +158,8 @@ def compute_reverse_to_forward_gain(
 ) -> DirectionGain:
     """Gain in reverse over the gain forwards, from the last term of a fit with one load.
 
-    If the answer has one load, the standard deviation is at least that by the scatter of the masses
-    in each direction.
+    If the answer has one load, the standard deviation is at least the one that follows from the
+    scatter of the masses in each direction.
     """
     share, std = (
         float(fit_with_one_load.theta[-1]),
@@ -223,7 +223,7 @@ def compute_mean_mass_in_reverse_and_forwards_kg(
 
 
 def mark_manoeuvres_of_heavier_direction(states: LoadStates, is_forward: Bools) -> Bools:
-    """Whether each manoeuvre's mass is nearer to that of the heavier direction, (manoeuvres,)."""
+    """Whether each mass is nearer to the mean of the heavier driving direction, (manoeuvres,)."""
     return states.manoeuvre_mass_kg > float(
         np.mean(compute_mean_mass_in_reverse_and_forwards_kg(states, is_forward))
     )

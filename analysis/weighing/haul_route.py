@@ -69,7 +69,7 @@ class HaulRoute:
         return cls(add_missed_dump_visits(dump_positions_m, begins_m), length_m)
 
     def compute_relative_distances_to_dump(self, motion: MotionSamples) -> Floats:
-        """Distance of each sample from the nearest dump over the route's length, (n,), up to 1."""
+        """Distance of each sample from the nearest dump in route lengths, (n,), at most 1."""
         ahead, behind = self._compute_distances_to_next_and_last_dump_m(motion)
         return np.minimum(np.minimum(ahead, behind) / self.length_m, 1.0)
 
@@ -97,7 +97,7 @@ class HaulRoute:
 def find_dump_positions_m(arrival_positions_m: Floats, departure_positions_m: Floats) -> Floats:
     """Positions of the dumps: where the machine departs empty, (dumps,) in m.
 
-    If the next fitted start is far from the arrival, the usual distance after the arrival.
+    If the next fitted start is far from the arrival, the dump is the usual distance after it.
 
     Args:
         arrival_positions_m: (dumps,) end of the last manoeuvre with the load.

@@ -259,7 +259,7 @@ def refit_short_log_with_ground(
 ) -> JointFit:
     """Refit a log of several loads with the ground, if they were searched without it.
 
-    The partition stays, with its alternative, whose differences are those without the ground. A fit
+    The partition and its alternative stay, with the differences computed without the ground. A fit
     that fails with the ground stays as it is.
     """
     ratio_1_s = fit.previous_estimates.ground_variance_ratio_1_s
@@ -386,7 +386,7 @@ def _require_load_states(fit: JointFit) -> LoadStates:
 
 
 def add_ground_force_variance(fit: JointFit, inputs: JointFitInputs) -> JointFitInputs:
-    """Fit inputs with the variance of ground forces between stretches, from a fit's residual."""
+    """Add the variance of ground forces between stretches, by a fit's residual, to the inputs."""
     if inputs.ground_variance_ratio_1_s:
         return inputs
     # with the fit's own rows: the number of rows of a refit depends on the final lag

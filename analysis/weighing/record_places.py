@@ -120,7 +120,13 @@ def make_load_search_rows(fit: JointFit, fit_rows: FitRows) -> tuple[FitRows, ..
 def add_gravity_by_position_to_mass_column(
     fit_rows: FitRows, position_m: list[int], weight_m_s2: Floats
 ) -> FitRows:
-    """Add the position-dependent weight per kg to the column that multiplies the mass."""
+    """Add the position-dependent weight per kg to the column that multiplies the mass.
+
+    Args:
+        fit_rows: rows of the fit; the mass has the first column.
+        position_m: numbers of the position terms, whose columns follow the first two.
+        weight_m_s2: (position terms,) weight per kg that each of these columns stands for.
+    """
     A = fit_rows.A.copy()
     A[:, 0] += fit_rows.A[:, 2:][:, position_m] @ weight_m_s2
     return replace(fit_rows, A=A)

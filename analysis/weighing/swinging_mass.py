@@ -72,8 +72,8 @@ class SwingingMass:
     Attributes:
         frequency_hz: natural frequency at the mean mass of the machine.
         damping_1: damping ratio.
-        growth_1: relative growth of the mass on one spring over that of the machine's mass; 0 for a
-            frequency that does not depend on the load, as that of a pendulum.
+        growth_1: relative growth of the mass on the spring per relative growth of the machine's
+            mass; 0 for a frequency that does not depend on the load, as that of a pendulum.
         restarts: whether the mass hangs still after each stop, as after a change of load.
         loads: relative masses of the manoeuvres.
         mass_kg: swinging mass at the mean load.

@@ -184,9 +184,9 @@ def _drop_uncertain_changes(partition: Partition, posterior: PartitionPosterior)
 
 
 def min_log_odds_of_reported_change(change_kind: Ints) -> float:
-    """Return the minimum log odds of a change that is reported.
+    """Return the minimum log odds at which a change is reported.
 
-    At the end of a record even odds suffice, since both sides are separate records.
+    If all changes are between records, even odds suffice, since both sides are separate records.
     """
     return 0.0 if (change_kind == RESTARTED).all() else _SURE
 

@@ -59,7 +59,7 @@ class InterceptShape:
         return out
 
     def expand_group_matrices(self, values: Floats) -> BorderedMatrix:
-        """Sum of the matrices (groups, p, p), expanded to (wide, wide)."""
+        """Expand each of (groups, p, p) to (wide, wide), and add them up."""
         return BorderedMatrix(
             *sum_matrices_by_level(values, self.levels.membership, self.levels.level_count)
         )

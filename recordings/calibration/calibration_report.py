@@ -170,7 +170,7 @@ def _format_value_with_interval(
 
 
 def format_scatter_in_calibrated_kg(scatter_kg: float | None, calibration: Calibration) -> str:
-    """Format the scatter of estimates as one of calibrated masses, by dividing by the slope."""
+    """Format the scatter of estimates in kg of calibrated mass: divided by the line's slope."""
     return (
         "unknown"
         if scatter_kg is None

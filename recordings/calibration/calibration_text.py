@@ -73,7 +73,7 @@ def write_report_paragraphs(
 
 
 def describe_runs_with_swapped_loads(document: EvidenceDocument) -> list[str]:
-    """Name two runs of a calibration that fit the line with each other's load, if there are any."""
+    """Name two runs that would fit the line with their loads swapped; empty if none would."""
     if document.kind != "calibration" or document.calibration is None:
         return []
     found = find_runs_with_swapped_loads(document.calibration)

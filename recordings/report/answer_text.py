@@ -302,7 +302,7 @@ def _format_seconds_from_start(t_ns: int | None) -> str:
 
 
 def describe_shift_total(answer: Answer) -> list[str]:
-    """Describe the sum of the log's cycles in a line; none if nothing was dumped."""
+    """Describe the total payload of the log's cycles in a line; no line if nothing was dumped."""
     shift = answer.shift
     if not shift:
         return []

@@ -45,7 +45,7 @@ class TruncatedLog(BaseModel):
 
     @property
     def lost_time_text(self) -> str:
-        """Entry for the list of losses, with a duration instead of bytes."""
+        """Entry for the list of losses: how long the lost part lasts, not how many bytes it has."""
         if self.next_s is None:
             return f"an unknown part of the end of log {self.number} ({self.name})"
         last = format_duration(max(self.next_s - self.ends_s, 0.0))

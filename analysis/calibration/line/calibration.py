@@ -253,7 +253,7 @@ class Calibration:
 
     @property
     def day_count_with_unknown_scatter(self) -> int:
-        """Number of days of the runs, if too few to estimate the scatter between days; else 0."""
+        """Number of days with runs if it is too small to estimate scatter between days; else 0."""
         if self.day_kg is not None and self.day_freedom is None:
             return 0
         days = len({point.day for point in self.points if point.readings})
