@@ -236,8 +236,8 @@ def does_signal_stay_within_resolution(readings: Floats, first_row: int, last_ro
     """Whether a run of equal readings is a smooth signal that changes by less than its resolution.
 
     Such a signal, at rest or at an extremum, is slow before and after the run, leaves it by a step
-    of its resolution or at its further rate, and shows no noise. After a frozen sensor the signal
-    jumps, and before a clipped one it changes fast.
+    of its resolution or at the rate that follows, and shows no noise. After a frozen sensor the
+    signal jumps, and before a clipped one it changes fast.
     """
     half = (last_row - first_row + 1) // 2
     reach = max(LIMITS.smooth_readings, half)

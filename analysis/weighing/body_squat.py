@@ -213,7 +213,7 @@ def compute_cumulative_grade_columns(route_position_1: Floats, heading_sign: Flo
     """Cumulative sums of the grade's level and of its change over each part of the route.
 
     Args:
-        route_position_1: (n,) distance from the dump over the route's length.
+        route_position_1: (n,) distance from the dump divided by the route's length.
         heading_sign: (n,) 1 with the front away from the dump, -1 towards it.
 
     Returns:

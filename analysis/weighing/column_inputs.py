@@ -24,7 +24,7 @@ class ColumnInputs:
         direction: driving direction of each manoeuvre.
         progress: from -1/2 to 1/2 over the log.
         under_way_s: time since the stretch began.
-        relative_load: mass with load over the reference mass, less 1.
+        relative_load: mass with load divided by the reference mass, minus 1.
         load_contrast: `relative_load` over its root mean square: about -1 empty, 1 loaded.
         path_position_1: position on the path, from -1/2 to 1/2.
         travelled_m: distance from the start of the stretch.

@@ -18,8 +18,8 @@ class EmptyMassDrift:
         u_1: standard uncertainty of the change, from the scatter of the masses.
         fuel_1: loss that burnt fuel explains.
         empty_states: load states of the empty machine, in order of time.
-        nearby_1: (2, states) mass of the empty machine before and after each state over its mean,
-            less 1.
+        nearby_1: (2, states) mass of the empty machine before and after each state, divided by its
+            mean, minus 1.
     """
 
     change_1: float
@@ -49,7 +49,7 @@ class EmptyMassDrift:
     def compute_mass_responses_kg(self, masses_kg: Floats) -> Floats:
         """(3, masses) response of each mass to a gain with this drift, in kg.
 
-        Row 0: the stated gain holds at an unknown one of the log's two ends. Row 1: the gain
+        Row 0: the stated gain holds at one end of the log, but not known at which. Row 1: the gain
         follows the empty masses before and after each state. Row 2: half their change from before a
         state to after it. Rows 1 and 2 do not cancel in the ratio to the mean empty mass.
         """

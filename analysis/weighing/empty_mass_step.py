@@ -51,8 +51,8 @@ def find_empty_mass_step(
 ) -> EmptyMassStep | None:
     """Find the step; None unless the lightest states before and after differ far beyond scatter.
 
-    It is put at the longest pause between the two, among those pauses before which no manoeuvre is
-    lighter than the machine before the step, and after which none is lighter than that after it.
+    It is put at the longest pause between the two states. A pause is possible if no manoeuvre
+    before it is lighter than the first state, and none after it is lighter than the second.
 
     Args:
         mass_kg: (manoeuvres,) mass of each manoeuvre, in order of time.

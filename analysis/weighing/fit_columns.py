@@ -52,7 +52,7 @@ class RelativeLoads:
 
     Attributes:
         manoeuvre_ids: (manoeuvres,) numbers of the manoeuvres, ascending.
-        value: (manoeuvres,) mass of each manoeuvre over the mean, less 1.
+        value: (manoeuvres,) mass of each manoeuvre divided by the mean, minus 1.
         weight_shares: expected fractions of the constant force and of Coulomb friction that are
             proportional to the weight.
     """

@@ -255,7 +255,7 @@ def average_three_speed_samples(speed: Floats) -> Floats:
 def read_gear_ratio(aligned: pl.DataFrame) -> Floats | None:
     """Gear ratio without its sign, (n,); None without one.
 
-    In neutral and while the gear changes, which have none, it is that of the gear before.
+    In neutral and during a gear change there is none: the ratio of the gear before is kept.
     """
     if "gear_ratio_1" not in aligned.columns:
         return None

@@ -35,7 +35,7 @@ def compute_fraction_of_first_gear_rotating_mass(
 def differentiate_rotating_mass_fraction_by_speed_s_m(
     speed: Floats, speed_of_quarter_fraction_m_s: float
 ) -> Floats:
-    """Derivative of `compute_fraction_of_first_gear_rotating_mass` by the speed, (n,) in s/m."""
+    """Slope of `compute_fraction_of_first_gear_rotating_mass` over speed, (n,) in s/m."""
     return (
         -4.0
         * speed

@@ -262,7 +262,7 @@ def estimate_mass_change_without_friction_kg(fit: JointFit, coefficients: Floats
 
 
 def compute_relative_loads_of_states(fit: JointFit, machine: Machine) -> Floats:
-    """(masses,) mass of each state over the empty machine's, or the lightest state's, less 1."""
+    """(masses,) mass of each state relative to the empty machine, or the lightest, minus 1."""
     empty_kg = machine.machine.empty_inertia_kg
     if empty_kg is None:
         empty_kg = float(np.min(fit.masses_kg))

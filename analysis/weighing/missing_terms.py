@@ -139,7 +139,7 @@ def list_scaled_terms_absent_from_model(fit: JointFit) -> tuple[Nuisance, ...]:
     """Terms that the model lacks, scaled by the 95th percentiles of the log's force and speed.
 
     The elasticity is included only without an accelerometer. In a fit with a position-dependent
-    force (strokes over one short path) it is the only one, since a spring looks like a gain there.
+    force (strokes over one short path) it is the only term, as a spring looks like a gain there.
     """
     # an accelerometer sits on the mass itself, and its filter would have the same column
     is_modelled = fit.motion.by_accelerometer or fit.motion.swing_m_s2 is not None

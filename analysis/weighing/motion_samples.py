@@ -102,7 +102,7 @@ class MotionSamples:
         boom_and_bucket_angles_rad: measured angles, as hints of a load change.
         is_digging: whether each sample lies in a digging start; None if unknown.
         empty: whether the machine is stated to be empty at each sample; None if never stated.
-        earlier_stop_count: number of earlier stops or gaps, where alone a load may change; or None.
+        earlier_stop_count: number of earlier stops or gaps; loads change only there; or None.
         long_gap_count: number of earlier gaps that are as long as between two files.
         wheel_radius_u_1: relative standard uncertainty of the wheel radius; None if not stated.
         relative_gear_ratio: gear ratio over the largest of the fitted samples; None without one.

@@ -109,8 +109,8 @@ def compare_residual_forces(
 ) -> float:
     """Ratio of the residual force with another acceleration to that of the answer; 1 if unknown.
 
-    Both are of means of the same length, each with its own gain, since a gain is no residual. The
-    noise that the wheels' speed adds to such means counts with the residual of the answer.
+    Both are computed from means of the same length, each with its own gain, since a gain is not a
+    residual. The noise that the wheel speed adds to such means is added to the answer's residual.
 
     Args:
         fit: joint fit of the answer.

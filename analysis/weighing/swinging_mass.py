@@ -124,7 +124,7 @@ def integrate_relative_acceleration_m_s2(
     """Acceleration y'' of a sprung mass relative to its base, (n,) in m/s².
 
     The trapezoidal rule (Newmark 1959, with β = 1/4), with the frequency warped so that the
-    resonance is where ω says.
+    resonance is at ω.
 
     Args:
         acceleration: (n,) acceleration of the base in m/s².

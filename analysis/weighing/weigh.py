@@ -155,7 +155,7 @@ class Weighing:
 
     @property
     def relative_mass_change_by_braking(self) -> float:
-        """Magnitude of the change of the mass by braking, over the mass."""
+        """Magnitude of the mass change if braking is fitted, as a fraction of the mass."""
         return abs(self.braking_kg) / abs(self.fit.mass_kg)
 
     @property

@@ -112,7 +112,7 @@ def estimate_gain_that_noise_mimics(
     Args:
         rows: the comparison's rows.
         noise: noise of the channels.
-        prior_std: (4,) prior standard deviations over the residual's.
+        prior_std: (4,) prior standard deviations, divided by that of the residual.
         step_s: step of the grid.
     """
     X, _, group, _ = rows
