@@ -110,6 +110,7 @@ class CycleParts:
         empty_pass_before: number of the empty pass before the load.
         empty_pass_after: number of the empty pass after the load.
         unseen: whether the load was dumped in a gap of the recording.
+        load_falls: whether the load falls on the way by more than is spilled.
     """
 
     dig_ns: tuple[int, int] | None = None
@@ -120,6 +121,7 @@ class CycleParts:
     empty_pass_before: int | None = None
     empty_pass_after: int | None = None
     unseen: bool = False
+    load_falls: bool = False
 
     @property
     def end_of_last_part_ns(self) -> int:
@@ -131,6 +133,8 @@ class CycleParts:
         """Why the cycle has no mass; empty if it has one."""
         if self.loaded_pass is None:
             return "no usable start with this load"
+        if self.load_falls:
+            return "the load falls on the way: a part is dropped, or loads are exchanged"
         if self.empty_pass_before is None and self.empty_pass_after is None:
             return "no empty pass to compare with"
         return ""
@@ -214,6 +218,7 @@ def _set_nearest_empty_passes(cycles: list[CycleParts], passes: LoadPasses) -> l
         if cycle.loaded_pass is not None:
             beside = passes.find_empty_passes_beside(cycle.loaded_pass)
             cycle.empty_pass_before, cycle.empty_pass_after = beside
+            cycle.load_falls = cycle.loaded_pass in passes.falling
     return cycles
 
 
@@ -385,8 +390,6 @@ def summarise_shift_motion(
 
 def find_idle_spans_ns(excitation: pl.DataFrame) -> list[tuple[int, int]]:
     """First and last sample in ns of each standstill longer than `idle_s`, in order of time."""
-    if excitation.is_empty():
-        return []
     t_ns = excitation["t_ns"].to_numpy()
     begins, ends = find_flagged_runs(mark_standing_samples(excitation))
     return [

@@ -42,6 +42,7 @@ class LoadPasses:
         rest_dumped_ns: (rests,) times at which the rest of a load is dumped.
         drift_1: (passes,) relative drift of the empty machine's mass at each pass.
         step_kg: (passes,) change of the empty machine's mass by a step before each pass.
+        falling: numbers of the passes whose load falls on the way by more than is spilled.
     """
 
     pass_of_manoeuvre: Ints
@@ -56,6 +57,7 @@ class LoadPasses:
     rest_dumped_ns: tuple[int, ...] = ()
     drift_1: Floats | float = 0.0
     step_kg: Floats | float = 0.0
+    falling: tuple[int, ...] = ()
 
     @property
     def drift_corrected_masses_kg(self) -> Floats:
@@ -177,6 +179,10 @@ def find_load_passes(
             each.bucket_emptied_ns
             for each in dumps.select_dumps_emptied_in_span(int(end[k]), int(begin[k + 1]))
         )
+    # what digs, or shows its dumps by the boom, has a pass for each dump
+    is_told = bool(digging.height) or dumps.shows_dumps
+    of_load = has_load & of_state
+    falling = () if is_told else find_falling_passes(of_load, of, state, mass_kg - step_kg, u_kg)
     no_mass = ~has_load | other | hauls_nothing
     no_mass |= step_kg[state] != step_kg[state[first]][of]
     left = np.where(no_mass, 0.0, weight)
@@ -199,7 +205,34 @@ def find_load_passes(
         rest_dumped_ns,
         np.broadcast_to(drift_1, mass_kg.shape)[state[first]],
         step_kg[state[first]],
+        falling,
     )
+
+
+def find_falling_passes(
+    has_load: Bools, pass_of_manoeuvre: Ints, state: Ints, mass_kg: Floats, u_kg: Floats
+) -> tuple[int, ...]:
+    """Find loaded passes whose load falls on the way by more than is spilled.
+
+    A part of it was dropped, or the load was exchanged for a lighter one: the mass does not tell.
+
+    Args:
+        has_load: (manoeuvres,) whether each is loaded, and its load known and plausible.
+        pass_of_manoeuvre: (manoeuvres,) pass of each.
+        state: (manoeuvres,) load state of each.
+        mass_kg: (states,) mass of each state.
+        u_kg: (states,) random uncertainty of each mass.
+    """
+    empty_kg = float(np.min(mass_kg[state]))
+    found: list[int] = []
+    for number in np.unique(pass_of_manoeuvre[has_load]).tolist():
+        states = state[has_load & (pass_of_manoeuvre == number)]
+        before_kg = np.maximum.accumulate(mass_kg[states])
+        spilled_kg = LIMITS.spilled_max_fraction * (before_kg - empty_kg)
+        noise_kg = LIMITS.other_load_std * np.hypot(u_kg[states], u_kg[states].max())
+        if (before_kg - mass_kg[states] > np.maximum(spilled_kg, noise_kg)).any():
+            found.append(number)
+    return tuple(found)
 
 
 def find_dumps_of_loads(

@@ -80,8 +80,8 @@ def describe_missing_loads(shift: Mapping[str, Any]) -> list[str]:
     found: list[str] = []
     if shift["uncounted_cycles"] > 0.0 and not shift["cycles_counted"]:
         found.append(
-            f"Not weighed: about {shift['uncounted_cycles']:.0f} cycles detected by digging or the "
-            "boom; no load has a mass from which to estimate theirs."
+            f"Not weighed: about {shift['uncounted_cycles']:.0f} cycles detected; no load has a "
+            "mass from which to estimate theirs."
         )
     if shift["on_board_kg"] is not None:
         load = format_tonnes(shift["on_board_kg"], K * shift["on_board_u_kg"])
