@@ -179,6 +179,8 @@ class CycleLimits:
     #: if the empty manoeuvres beside it are closer than this fraction of the usual: those beside a
     #: haul of which only a part was weighed are as far apart as ever.
     short_between_fraction: float = 0.5
+    #: Fraction of a usual load that remains in an empty body, at most.
+    rest_max_fraction: float = 0.2
     #: Distance of the means of loaded and empty, in standard deviations of a state,
     class_distance_std: float = 4.0
     #: and of means of classes that digging or taking turns separates, in their own.

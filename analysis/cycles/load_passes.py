@@ -137,15 +137,16 @@ def find_load_passes(
     begin, end = (manoeuvres[name].to_numpy() for name in ("start_t_ns", "end_t_ns"))
     scatter_kg = float(loads["scatter_kg"].fill_null(0.0).max() or 0.0)  # pyright: ignore[reportArgumentType]
     weight = 1.0 / (std**2 + scatter_kg**2)
-    # a step also looks like a drift, but the step describes it better
     step = find_empty_mass_step_of_manoeuvres(manoeuvres)
-    drift_1 = drift_1 if step is None else 0.0
+    # a step also looks like a drift, but the step describes it better
+    drift_1, has_table = (drift_1, "empty" in loads.columns) if step is None else (0.0, False)
     state, step_kg = split_states_at_step(state, step)
     total = np.bincount(state, weight)
     mass_kg = np.bincount(state, weight * level) / total
     u_kg = 1.0 / np.sqrt(total)
     first_kg = (mass_kg - step_kg) / (1.0 + drift_1)
-    loaded = classify_loaded_states(first_kg, u_kg, state, (begin, end), digging)
+    is_empty = loads["empty"].to_numpy() if has_table else None
+    loaded = classify_loaded_states(first_kg, u_kg, state, (begin, end), digging, is_empty)
     if loaded is None:
         return None
     of_state, dumps, rest_dumped_ns = loaded[state], NO_DUMPS, tuple[int, ...]()
@@ -180,9 +181,7 @@ def find_load_passes(
             for each in dumps.select_dumps_emptied_in_span(int(end[k]), int(begin[k + 1]))
         )
     # what digs, or shows its dumps by the boom, has a pass for each dump
-    is_told = bool(digging.height) or dumps.shows_dumps
-    of_load = has_load & of_state
-    falling = () if is_told else find_falling_passes(of_load, of, state, mass_kg - step_kg, u_kg)
+    of_load = has_load & of_state & (digging.is_empty() and not dumps.shows_dumps)
     no_mass = ~has_load | other | hauls_nothing
     no_mass |= step_kg[state] != step_kg[state[first]][of]
     left = np.where(no_mass, 0.0, weight)
@@ -205,7 +204,7 @@ def find_load_passes(
         rest_dumped_ns,
         np.broadcast_to(drift_1, mass_kg.shape)[state[first]],
         step_kg[state[first]],
-        falling,
+        find_falling_passes(of_load, of, state, mass_kg - step_kg, u_kg),
     )
 
 

@@ -10,7 +10,12 @@ from estimators.arrays import Bools, Floats, Ints
 
 
 def classify_loaded_states(
-    mass_kg: Floats, u_kg: Floats, state: Ints, times_ns: tuple[Ints, Ints], digging: pl.DataFrame
+    mass_kg: Floats,
+    u_kg: Floats,
+    state: Ints,
+    times_ns: tuple[Ints, Ints],
+    digging: pl.DataFrame,
+    is_empty: Bools | None = None,
 ) -> Bools | None:
     """Whether each state is loaded, (states,); None if undecidable.
 
@@ -20,12 +25,32 @@ def classify_loaded_states(
         state: (manoeuvres,) load state of each manoeuvre.
         times_ns: (manoeuvres,) starts, and ends.
         digging: the frame `digging`; the machine is empty before a digging start and loaded after.
+        is_empty: (states,) whether the fit takes each as empty, if it tells any.
     """
-    label = label_state_loaded_by_digging(mass_kg, u_kg, state, *times_ns, digging)
     possible = mark_plausible_masses(mass_kg)
-    found = classify_loaded_by_threshold(mass_kg[possible], u_kg[possible], label[possible])
+    kg, u = mass_kg[possible], u_kg[possible]
+    label = label_state_loaded_by_digging(mass_kg, u_kg, state, *times_ns, digging)
+    found = [classify_loaded_by_threshold(kg, u, label[possible])]
+    told = np.zeros(0, np.bool_) if is_empty is None else is_empty[possible]
+    if digging.is_empty() and told.any() and not told.all():
+        found.append(classify_loaded_by_empty_states(kg, u, told))
     # a state with an implausible mass is classified like the one before it
-    return None if found is None else found[(np.cumsum(possible) - 1).clip(0)]
+    whole = [each[(np.cumsum(possible) - 1).clip(0)] for each in found if each is not None]
+    # a body that always keeps a rest is never as light as the empty one; the table decides a tie
+    return max(reversed(whole), key=lambda loaded: count_hauls(loaded[state]), default=None)
+
+
+def count_hauls(is_loaded: Bools) -> int:
+    """Number of loaded manoeuvres, (manoeuvres,), that one without a load follows."""
+    return int(np.count_nonzero(is_loaded[:-1] & ~is_loaded[1:]))
+
+
+def classify_loaded_by_empty_states(mass_kg: Floats, u_kg: Floats, is_empty: Bools) -> Bools:
+    """Classify each state as loaded if it is heavier than the empty ones by more than a rest."""
+    empty_kg = float(np.median(mass_kg[is_empty]))
+    spread_kg = estimate_robust_std(mass_kg[is_empty], float(np.median(u_kg)))
+    rest_kg = LIMITS.rest_max_fraction * (float(np.median(mass_kg[~is_empty])) - empty_kg)
+    return mass_kg - empty_kg > max(LIMITS.class_distance_std * spread_kg, rest_kg)
 
 
 def label_state_loaded_by_digging(

@@ -69,3 +69,19 @@ def test_two_masses_far_above_the_others_are_not_the_only_loads(seed: int) -> No
 def test_masses_that_differ_by_chance_are_not_told(seed: int) -> None:
     assert classified(0.0, seed, STATE_U_KG) is None
     assert classified(0.0, seed, STATE_U_KG, states=120) is None
+
+
+def test_where_nothing_digs_the_empty_states_of_the_table_tell_the_loaded_ones() -> None:
+    """Light loads beside heavy ones are loads, and what remains in the body is none."""
+    payloads_kg = np.array([0.0, 5400.0, 0.0, 1600.0, 500.0, 5600.0, 20.0, 1700.0, 0.0, 5300.0])
+    begin = np.arange(payloads_kg.size) * 10**10
+    loaded = classify_loaded_states(
+        12_000.0 + payloads_kg,
+        np.full(payloads_kg.size, STATE_U_KG),
+        np.arange(payloads_kg.size),
+        (begin, begin + 5 * 10**9),
+        NO_DIGGING,
+        payloads_kg < 100.0,
+    )
+    assert loaded is not None
+    assert (loaded == (payloads_kg > 1000.0)).all()
