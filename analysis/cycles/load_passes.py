@@ -19,7 +19,7 @@ from analysis.cycles.boom_dumps import (
     mark_manoeuvres_while_dumping,
 )
 from analysis.cycles.cycle_limits import LIMITS
-from analysis.cycles.loaded_states import classify_loaded_states
+from analysis.cycles.loaded_states import classify_loaded_states, find_falling_passes
 from analysis.weighing.empty_mass_step import EmptyMassStep, find_empty_mass_step_of_manoeuvres
 from analysis.weighing.fit_columns import mark_plausible_masses
 from estimators.arrays import Bools, Floats, Ints
@@ -139,12 +139,14 @@ def find_load_passes(
     weight = 1.0 / (std**2 + scatter_kg**2)
     step = find_empty_mass_step_of_manoeuvres(manoeuvres)
     # a step also looks like a drift, but the step describes it better
-    drift_1, has_table = (drift_1, "empty" in loads.columns) if step is None else (0.0, False)
+    drift_1 = drift_1 if step is None else 0.0
     state, step_kg = split_states_at_step(state, step)
     total = np.bincount(state, weight)
     mass_kg = np.bincount(state, weight * level) / total
     u_kg = 1.0 / np.sqrt(total)
     first_kg = (mass_kg - step_kg) / (1.0 + drift_1)
+    # a step splits states, which then are not those of the table
+    has_table = step is None and "empty" in loads.columns
     is_empty = loads["empty"].to_numpy() if has_table else None
     loaded = classify_loaded_states(first_kg, u_kg, state, (begin, end), digging, is_empty)
     if loaded is None:
@@ -181,7 +183,7 @@ def find_load_passes(
             for each in dumps.select_dumps_emptied_in_span(int(end[k]), int(begin[k + 1]))
         )
     # what digs, or shows its dumps by the boom, has a pass for each dump
-    of_load = has_load & of_state & (digging.is_empty() and not dumps.shows_dumps)
+    may_fall = has_load & (digging.is_empty() and not dumps.shows_dumps)
     no_mass = ~has_load | other | hauls_nothing
     no_mass |= step_kg[state] != step_kg[state[first]][of]
     left = np.where(no_mass, 0.0, weight)
@@ -204,34 +206,8 @@ def find_load_passes(
         rest_dumped_ns,
         np.broadcast_to(drift_1, mass_kg.shape)[state[first]],
         step_kg[state[first]],
-        find_falling_passes(of_load, of, state, mass_kg - step_kg, u_kg),
+        find_falling_passes(may_fall, of_state, of, state, mass_kg - step_kg, u_kg),
     )
-
-
-def find_falling_passes(
-    has_load: Bools, pass_of_manoeuvre: Ints, state: Ints, mass_kg: Floats, u_kg: Floats
-) -> tuple[int, ...]:
-    """Find loaded passes whose load falls on the way by more than is spilled.
-
-    A part of it was dropped, or the load was exchanged for a lighter one: the mass does not tell.
-
-    Args:
-        has_load: (manoeuvres,) whether each is loaded, and its load known and plausible.
-        pass_of_manoeuvre: (manoeuvres,) pass of each.
-        state: (manoeuvres,) load state of each.
-        mass_kg: (states,) mass of each state.
-        u_kg: (states,) random uncertainty of each mass.
-    """
-    empty_kg = float(np.min(mass_kg[state]))
-    found: list[int] = []
-    for number in np.unique(pass_of_manoeuvre[has_load]).tolist():
-        states = state[has_load & (pass_of_manoeuvre == number)]
-        before_kg = np.maximum.accumulate(mass_kg[states])
-        spilled_kg = LIMITS.spilled_max_fraction * (before_kg - empty_kg)
-        noise_kg = LIMITS.other_load_std * np.hypot(u_kg[states], u_kg[states].max())
-        if (before_kg - mass_kg[states] > np.maximum(spilled_kg, noise_kg)).any():
-            found.append(number)
-    return tuple(found)
 
 
 def find_dumps_of_loads(

@@ -1,4 +1,4 @@
-"""Classification of load states as loaded or empty, by their masses and digging between them."""
+"""Classification of load states as loaded or empty, and of passes whose load falls."""
 
 import numpy as np
 import polars as pl
@@ -50,7 +50,8 @@ def classify_loaded_by_empty_states(mass_kg: Floats, u_kg: Floats, is_empty: Boo
     empty_kg = float(np.median(mass_kg[is_empty]))
     spread_kg = estimate_robust_std(mass_kg[is_empty], float(np.median(u_kg)))
     rest_kg = LIMITS.rest_max_fraction * (float(np.median(mass_kg[~is_empty])) - empty_kg)
-    return mass_kg - empty_kg > max(LIMITS.class_distance_std * spread_kg, rest_kg)
+    noise_kg = LIMITS.class_distance_std * np.maximum(u_kg, spread_kg)
+    return (mass_kg - empty_kg > np.maximum(noise_kg, rest_kg)) & ~is_empty
 
 
 def label_state_loaded_by_digging(
@@ -213,3 +214,38 @@ def find_manoeuvres_after_digging(middle_ns: Ints, digging: pl.DataFrame) -> Int
     """First manoeuvre after each digging start, (digging starts,), by the manoeuvres' middles."""
     dug_ns = (digging["start_t_ns"].to_numpy() + digging["end_t_ns"].to_numpy()) // 2
     return np.searchsorted(middle_ns, dug_ns)
+
+
+def find_falling_passes(
+    has_load: Bools,
+    is_loaded: Bools,
+    pass_of_manoeuvre: Ints,
+    state: Ints,
+    mass_kg: Floats,
+    u_kg: Floats,
+) -> tuple[int, ...]:
+    """Find loaded passes whose load falls on the way by more than is spilled.
+
+    A part of it was dropped, or the load was exchanged for a lighter one: the mass does not tell.
+
+    Args:
+        has_load: (manoeuvres,) whether the load of each is known and plausible.
+        is_loaded: (manoeuvres,) whether each is loaded.
+        pass_of_manoeuvre: (manoeuvres,) pass of each.
+        state: (manoeuvres,) load state of each.
+        mass_kg: (states,) mass of each state.
+        u_kg: (states,) random uncertainty of each mass.
+    """
+    empties = state[has_load & ~is_loaded]
+    if not empties.size:
+        return ()
+    empty_kg = float(np.median(mass_kg[empties]))
+    found: list[int] = []
+    for number in np.unique(pass_of_manoeuvre[has_load & is_loaded]).tolist():
+        states = state[has_load & is_loaded & (pass_of_manoeuvre == number)]
+        before_kg = np.maximum.accumulate(mass_kg[states])
+        spilled_kg = LIMITS.spilled_max_fraction * (before_kg - empty_kg)
+        noise_kg = LIMITS.other_load_std * np.hypot(u_kg[states], u_kg[states].max())
+        if (before_kg - mass_kg[states] > np.maximum(spilled_kg, noise_kg)).any():
+            found.append(number)
+    return tuple(found)

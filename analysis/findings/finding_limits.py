@@ -6,7 +6,7 @@ from typing import Final
 
 @dataclass(frozen=True)
 class FindingLimits:
-    """Built-in limits of the causes; a comment says what a value limits and how it was chosen."""
+    """Limits of the causes; a comment says what a value limits, its unit and its choice."""
 
     # constant_forces
     #: Squared deviations that a further cause must explain.
@@ -85,10 +85,11 @@ class FindingLimits:
     trusted_coulomb_fraction: float = 0.002
     #: nor the measured share of the force to a smaller change, per m/s²,
     trusted_share_change_s2_m: float = 0.01
-    #: nor one larger than with a centre of mass at 0.8 of the wheelbase, half on the driven axle,
+    #: nor one larger than with half on the driven axle and a height of 0.8 of the wheelbase,
     max_share_change_s2_m: float = 0.17
-    #: nor one that explains less of the residual beyond the noise (swings and gusts 0.03 to 0.13),
+    #: nor one that explains less of the residual (gusts 0.03 to 0.13), if it exceeds the noise so,
     min_share_change_explained_1: float = 0.15
+    min_misfit_ratio: float = 1.5
     #: nor a gain to a smaller drift over a log: friction that warms looks like 0.02.
     trusted_gain_drift_1: float = 0.03
     #: Relative standard uncertainty of an answer from too little excitation.

@@ -193,14 +193,14 @@ def _choose_most_likely_cause(candidates: Mapping[str, FittedCause]) -> FittedCa
 
 
 def is_physical(fitted_cause: FittedCause) -> bool:
-    """Whether the value is possible: driving wheels cannot turn slower than the ground."""
+    """Whether the value is possible, such as wheels that slip forwards while they drive."""
     if fitted_cause.name == "driveline":
         return abs(fitted_cause.value) <= LIMITS.max_share_change_s2_m
     return fitted_cause.name != "slip" or fitted_cause.value > 0.0
 
 
 def explains_nonlinear_force(fitted_cause: FittedCause) -> bool:
-    """Whether a share that changes with the acceleration is possible, and more than one of many."""
+    """Whether a share that changes with the acceleration is possible, and explains the misfit."""
     return (
         is_physical(fitted_cause)
         and fitted_cause.explained_1 >= LIMITS.min_share_change_explained_1
@@ -317,7 +317,10 @@ def score_remaining_causes(
             continue
         value = sum(part.get_likelihood_score_left_of_cause(name) for part in parts) / square
         explained = value**2 * force.get_information_left_about_cause(name) * force.variance
-        explained_1 = explained / max(force.square_left * force.variance - force.row_count, 1.0)
+        left = force.square_left * force.variance
+        # noise is known to some ten per cent
+        misfits = left > LIMITS.min_misfit_ratio * force.row_count
+        explained_1 = explained / (left - force.row_count) if misfits else 1.0
         out[name] = FittedCause(name, value, square**-0.5, value**2 * square, (), explained_1)
     return out
 

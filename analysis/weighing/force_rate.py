@@ -134,7 +134,7 @@ def add_force_derivatives_to_covariances(
 
 
 def _compute_covariance(weights: Floats, other_weights: Floats, autocovariance: Floats) -> float:
-    """Covariance of two weighted sums of one noise; the weights, (n,) each, are symmetric."""
+    """Covariance of two weighted sums of one noise; both weights, (n,), are even, or both odd."""
     products = np.correlate(weights, other_weights, "full")[weights.size - 1 :]
     both_sides = 2.0 * products @ autocovariance[: weights.size]
     return float(both_sides - products[0] * autocovariance[0])

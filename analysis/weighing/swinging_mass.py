@@ -153,10 +153,13 @@ def integrate_relative_acceleration_m_s2(
 def find_swinging_mass(motion: MotionSamples) -> SwingingMass | None:
     """Find a mass whose swinging explains the force; None if the log does not show one.
 
-    The wheels move with the machine, while an accelerometer may sit on a part that swings.
+    The acceleration is that of the wheels: a body that pitches tilts an accelerometer.
     """
     if motion.by_accelerometer:
-        motion = replace(motion, acceleration=differentiate_wheel_speed(motion))
+        acceleration = differentiate_wheel_speed(motion)
+        # an unknown speed is 0, and would be a kick
+        most_m_s2 = float(np.abs(acceleration[motion.is_fittable]).max(initial=0.0))
+        motion = replace(motion, acceleration=acceleration.clip(-most_m_s2, most_m_s2))
     rows = _ResidualRows.from_motion(motion, LIMITS.swing_row_s)
     if rows is None:
         return None
@@ -179,11 +182,8 @@ def find_swinging_mass(motion: MotionSamples) -> SwingingMass | None:
     # what decays at once, or never, or has the frequency of a bound, is another force
     is_inside = _is_well_between(found.damping_1, LIMITS.swing_damping_range_1)
     is_inside &= _is_well_between(found.frequency_hz, between_hz)
-    if not is_inside or found.mass_kg < LIMITS.swinging_mass_min_share * motion.approximate_mass_kg:
-        return None
-    # what recurs at one time of every drive, such as a change of gear, depends on no acceleration
-    explained = 1.0 - longer.copy_without_swing(found).residual_square / longer.residual_square
-    if explained < longer.compute_share_explained_by_time_in_drive(LIMITS.swing_time_periods / hz):
+    is_inside &= found.mass_kg > LIMITS.swinging_mass_min_share * motion.approximate_mass_kg
+    if not (is_inside and longer.explains_differences_between_drives(found)):
         return None
     # a mass with another frequency explains little of what a mass that swings leaves
     rest = rows.copy_without_swing(found)
@@ -318,16 +318,25 @@ class _ResidualRows:
         least, hz, restarts = min(left, default=(self.residual_square, 0.0, False))
         return 1.0 - least / self.residual_square, hz, restarts
 
-    def compute_share_explained_by_time_in_drive(self, step_s: float) -> float:
-        """Share of the residual's squares that a force by time in the drive and way explains."""
+    def explains_differences_between_drives(self, mass: SwingingMass) -> bool:
+        """Whether a mass explains more than a force by the time in the drive, as of its gears."""
         first_sample = self.sample[:, 0]
         begin = np.full(self.loads.manoeuvre_ids.size, first_sample[-1])
         np.minimum.at(begin, self.manoeuvre, first_sample)
-        step = (first_sample - begin[self.manoeuvre]) / (step_s * self.motion.rate_hz)
-        forwards = self.motion.direction[first_sample] > 0.0
-        _, group = np.unique(2 * step.astype(np.int64) + forwards, return_inverse=True)
-        mean_N = np.bincount(group, self.residual_N) / np.bincount(group)
-        return float(mean_N[group] @ self.residual_N) / self.residual_square
+        steps_per_row = mass.frequency_hz / LIMITS.swing_time_periods / self.motion.rate_hz
+        step = ((first_sample - begin[self.manoeuvre]) * steps_per_row).astype(np.int64)
+        is_forwards = self.motion.direction[first_sample] > 0.0
+        _, group = np.unique(2 * step + is_forwards, return_inverse=True)
+
+        def subtract_means(force_N: Floats) -> Floats:
+            return force_N - (np.bincount(group, force_N) / np.bincount(group))[group]
+
+        swing_N = self.fit_swing(mass).unknown_N
+        other_N = subtract_means(swing_N)
+        square = float(other_N @ other_N)
+        are_alike = square < LIMITS.swing_min_difference_share * float(swing_N @ swing_N)
+        explained = float(other_N @ subtract_means(self.residual_N))
+        return are_alike or explained > LIMITS.swing_min_difference_ratio * square
 
     def fit_swing(self, mass: SwingingMass) -> "_FittedSwing":
         """Fit the swinging mass at the mean load, and its growth with the relative load."""

@@ -109,7 +109,7 @@ class WeighingLimits:
     missing_term_prior_std: float = 0.1
     #: Prior of an elasticity, in s²: a mass that swings at 5 Hz.
     elasticity_prior_std_s2: float = 1e-3
-    #: Standard deviations from which it is one: sampling, filters and slip reached 7, belts 17-130.
+    #: Standard deviations from which it is one: none of a hundred other machines, belts 73 to 86.
     elasticity_min_std: float = 10.0
     #: Part of the log in which the friction of a cold machine falls by a factor of e.
     warming_fraction: float = 0.15
@@ -123,13 +123,13 @@ class WeighingLimits:
     missing_term_min_relative_effect: float = 0.5
     #: Estimate of a gain by fitted over measured force (ten cars 0.7 to 1.2, grades -0.9 to 0.3),
     min_instrumented_ratio: float = 0.5
-    #: the one from which it is named as a cause (a low gear 0.63 and more, washboards up to 0.6),
+    #: that from which it is named as a cause (a low gear 0.63 and more, washboards up to 0.6),
     nameable_instrumented_ratio: float = 0.62
-    #: the largest error of a sensor at the largest force, over that force, that is (tyres out of
-    #: round and gusts looked like 0.4 to 1),
-    max_saturation_1: float = 0.25
-    #: and the largest ratio of these forces.
+    #: and the largest ratio of the two forces.
     max_fitted_over_measured_force: float = 3.0
+    #: Largest error of a sensor that is named, at the 95th percentile of the force and over it:
+    #: tyres out of round and gusts looked like 0.4 to 1.
+    max_saturation_1: float = 0.25
     #: Widths of a gain at low speed, and steps of a gain, as fractions of the largest speed.
     low_speed_fractions: tuple[float, ...] = (0.2, 0.35, 0.7)
     gain_step_fractions: tuple[float, ...] = (0.3, 0.5, 0.7)
@@ -217,6 +217,11 @@ class WeighingLimits:
     swing_min_share_ratio: float = 6.0
     #: Time in a drive, in periods, in which a force that recurs in every drive is constant.
     swing_time_periods: float = 0.125
+    #: Share of a swing's squares in which drives differ, from which they are compared,
+    swing_min_difference_share: float = 0.03
+    #: and least ratio of the force that differs with it to the swing: of liquids, masts, trailers
+    #: and trains 0.76 to 1.04, of forces that recur in every drive -2 to 0.6, seldom more.
+    swing_min_difference_ratio: float = 0.7
     #: Least swinging mass over the machine's: a recurring step of the force had 0.013.
     swinging_mass_min_share: float = 0.02
 

@@ -9,9 +9,11 @@ import pytest
 
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.weighing.force_rate import (
+    add_force_derivatives_to_covariances,
     compute_force_rate_variances,
     differentiate_force,
     differentiate_force_by_widest_parabolas,
+    differentiate_force_twice,
 )
 from analysis.weighing.motion_samples import Floats
 from replay import open_log, run
@@ -97,6 +99,24 @@ def test_the_variance_of_its_means_is_that_of_a_force_that_is_noise(
         # without noise that is known all parabolas but that of one row disagree
         assert np.var(mean) == pytest.approx(of_length[0], rel=0.1)
     assert (np.diff(expected[0]) < 0.0).all()
+
+
+def test_the_second_derivative_shares_its_noise_with_the_force() -> None:
+    noise = np.random.default_rng(9).normal(0.0, NOISE_N, 400_000)
+    lengths = [1, 5]
+    known = np.stack([WHITE.compute_covariance_of_means(length) for length in lengths])
+    expected = add_force_derivatives_to_covariances(
+        known, WHITE, RATE_HZ, lengths, has_rate_noise=False
+    )
+    assert expected.shape == (2, 1, 5, 5)
+    for length, (of_length,) in zip(lengths, expected, strict=True):
+        mean = np.full(length, 1.0 / length)
+        bend, force = (
+            np.convolve(x, mean, "valid")
+            for x in (differentiate_force_twice(noise, RATE_HZ), noise)
+        )
+        assert np.var(bend) == pytest.approx(of_length[3, 3], rel=0.02)
+        assert np.mean(bend * force) == pytest.approx(of_length[3, 4], rel=0.05)
 
 
 EMPTY_KG = 18_000.0

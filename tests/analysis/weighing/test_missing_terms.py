@@ -1,5 +1,6 @@
 """Terms that the model does not have widen the mass by what they would move it."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,8 +8,8 @@ import polars as pl
 import pytest
 
 from analysis.model.run_record import Run
-from analysis.weighing.missing_terms import MissingTerm
-from analysis.weighing.nuisances import CURVATURE
+from analysis.weighing.missing_terms import ELASTICITY, MissingTerm
+from analysis.weighing.nuisances import CURVATURE, Nuisance
 from benchmarks.own_rate import LARGE_N, MASS_KG, Cell, logged, machine_of
 from replay import open_log, run
 from replay.logs import TimeAxis
@@ -109,6 +110,20 @@ def test_a_term_counts_if_the_log_tells_what_it_moves_and_the_less_the_surer_it_
     term = MissingTerm(CURVATURE, 0.1, t, np.array([-effect_kg]))
 
     assert term.is_significant(fit) == is_significant  # pyright: ignore[reportArgumentType]
+
+
+def test_a_term_that_cannot_be_what_it_is_said_to_be_is_not_named() -> None:
+    def make(term: Nuisance, value: float, rms_N: float, ratio: float = 1.0) -> MissingTerm:
+        return MissingTerm(term, value, 20.0, np.array([-50.0]), rms_N, ratio)
+
+    saturation = replace(CURVATURE, name="force_saturation")
+    beside = make(CURVATURE, 0.1, 90.0)
+    belt = make(ELASTICITY, 1e-4, 80.0)
+    assert belt.is_nameable((belt, beside))
+    assert not replace(belt, residual_rms_N=100.0).is_nameable((belt, beside))
+    assert make(saturation, 0.15, 80.0).is_nameable(())
+    assert not make(saturation, 0.6, 80.0).is_nameable(())
+    assert not make(CURVATURE, 0.1, 80.0, ratio=0.4).is_nameable(())
 
 
 @pytest.mark.heavy

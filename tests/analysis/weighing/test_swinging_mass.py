@@ -253,3 +253,36 @@ def drives_with_steps(rate_hz: float, drive_s: float, seed: int) -> MotionSample
 def test_a_force_that_steps_in_every_drive_is_no_swing(rate_hz: float, drive_s: float):
     found = [find_swinging_mass(drives_with_steps(rate_hz, drive_s, seed)) for seed in range(4)]
     assert found == [None] * 4
+
+
+def drives_alike(seed: int) -> MotionSamples:
+    """Twelve drives to and fro of 8.5 t with 1.5 t that swing at 0.8 Hz, all with one profile."""
+    dice = np.random.default_rng(seed)
+    rate_hz = 50.0
+    profile = np.interp(np.arange(0.0, 12.0, 1.0 / rate_hz), [0, 3, 9, 12], [0, 2, 2, 0])
+    profile = np.convolve(profile, np.full(17, 1.0 / 17.0), "same")
+    stand = np.zeros(round(8.0 * rate_hz))
+    one = np.concatenate([profile, stand])
+    speed = np.concatenate([one if number % 2 == 0 else -one for number in range(12)])
+    drives = np.isin(np.arange(speed.size) % one.size, np.arange(profile.size))
+    number = np.arange(speed.size) // one.size
+    acceleration = np.gradient(speed) * rate_hz
+    nothing = np.zeros(speed.size)
+    omega = np.full(speed.size, 2.0 * np.pi * 0.8)
+    still = np.arange(speed.size) % one.size == 0
+    swing = integrate_relative_acceleration_m_s2(acceleration, omega, 0.03, still, rate_hz)
+    way = np.where(number % 2 == 0, 1.0, -1.0)
+    force = 10_000.0 * acceleration + 1500.0 * swing + 1000.0 * way * drives
+    return MotionSamples(
+        acceleration + dice.normal(0.0, 0.03, speed.size), speed,
+        force + dice.normal(0.0, 60.0, speed.size), np.where(drives, number, -1), way, number,
+        rate_hz, None, None, None, np.linspace(-0.5, 0.5, speed.size),
+        np.cumsum(np.abs(speed)) / rate_hz, nothing, 50.0, False, 1.0, 1e5,
+    )  # fmt: skip
+
+
+def test_a_swing_is_found_in_drives_that_are_all_alike():
+    found = find_swinging_mass(drives_alike(1))
+    assert found is not None
+    assert found.frequency_hz == pytest.approx(0.8, rel=0.02)
+    assert found.mass_kg == pytest.approx(1500.0, rel=0.15)
