@@ -19,7 +19,11 @@ from analysis.cycles.boom_dumps import (
     mark_manoeuvres_while_dumping,
 )
 from analysis.cycles.cycle_limits import LIMITS
-from analysis.cycles.loaded_states import classify_loaded_states, find_falling_passes
+from analysis.cycles.loaded_states import (
+    classify_loaded_states,
+    find_ends_of_hauls,
+    find_falling_passes,
+)
 from analysis.weighing.empty_mass_step import EmptyMassStep, find_empty_mass_step_of_manoeuvres
 from analysis.weighing.fit_columns import mark_plausible_masses
 from estimators.arrays import Bools, Floats, Ints
@@ -214,7 +218,7 @@ def find_dumps_of_loads(
     is_loaded: Bools, start_ns: Ints, aligned: pl.DataFrame, excitation: pl.DataFrame
 ) -> BoomDumps:
     """Find the dumps of the boom, given the manoeuvres between which the masses show one."""
-    emptied = np.flatnonzero(is_loaded[:-1] & ~is_loaded[1:])
+    emptied = find_ends_of_hauls(is_loaded)
     # a machine that creeps to the dump may empty its bucket before the manoeuvre ends
     known = [(int(start_ns[k]), int(start_ns[k + 1])) for k in emptied]
     return find_boom_dumps(aligned, excitation, known)
@@ -324,7 +328,7 @@ def correct_loaded_flags_at_dumps(
     at = [int(np.searchsorted(start_ns, each.bucket_emptied_ns)) for each in dumps.dumps]
     dug = np.unique(np.searchsorted(start_ns, digging["start_t_ns"].to_numpy()))
     moved = is_loaded.copy()
-    for first in np.flatnonzero(is_loaded[:-1] & ~is_loaded[1:]) + 1:
+    for first in find_ends_of_hauls(is_loaded) + 1:
         if dumps.select_dumps_emptied_in_span(int(end_ns[first - 1]), int(start_ns[first])):
             continue
         # search from one filling to the next

@@ -37,12 +37,14 @@ def classify_loaded_states(
     # a state with an implausible mass is classified like the one before it
     whole = [each[(np.cumsum(possible) - 1).clip(0)] for each in found if each is not None]
     # a body that always keeps a rest is never as light as the empty one; the table decides a tie
-    return max(reversed(whole), key=lambda loaded: count_hauls(loaded[state]), default=None)
+    return max(
+        reversed(whole), key=lambda loaded: find_ends_of_hauls(loaded[state]).size, default=None
+    )
 
 
-def count_hauls(is_loaded: Bools) -> int:
-    """Number of loaded manoeuvres, (manoeuvres,), that one without a load follows."""
-    return int(np.count_nonzero(is_loaded[:-1] & ~is_loaded[1:]))
+def find_ends_of_hauls(is_loaded: Bools) -> Ints:
+    """Indices of the loaded manoeuvres, (manoeuvres,), that one without a load follows."""
+    return np.flatnonzero(is_loaded[:-1] & ~is_loaded[1:])
 
 
 def classify_loaded_by_empty_states(mass_kg: Floats, u_kg: Floats, is_empty: Bools) -> Bools:

@@ -1,4 +1,4 @@
-"""Derivatives of the force by parabolas as wide as the force allows, and its noise variance."""
+"""First and second derivative of the force by parabolas, and the noise in them."""
 
 from collections.abc import Sequence
 
